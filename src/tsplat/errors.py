@@ -1,0 +1,71 @@
+"""Every error this package raises on purpose.
+
+* TsplatError                  base; the command line catches this and nothing else
+  * LoadError (ValueError)     a file that cannot be read as a splat scene or a camera set
+    * CorruptFileError         recognised, but its contents contradict themselves
+  * SceneError (ValueError)    arrays that do not form a scene
+  * CameraError (ValueError)   numbers that do not form a camera
+  * OptionError (ValueError)   an option that has no such value, or is not offered here
+  * SaveError (OSError)        a picture or a scene that could not be written
+  * TerminalError (OSError)    no terminal to draw on, or it went away
+
+`LoadWarning` is the one warning: something in a file was dropped or mended.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class LoadWarning(UserWarning):
+    """Something in a file was dropped or mended while loading it; the text says what and how many."""
+
+
+class TsplatError(Exception):
+    """Base of every error raised on purpose; its text is one line, fit to be shown to a person."""
+
+
+class LoadError(TsplatError, ValueError):
+    """A file cannot be read as what it was asked to be.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    problem : str
+        What is wrong with which field, what was expected, and what to do about it.
+    offset : int, optional
+        Byte at which the problem lies.
+    """
+
+    def __init__(self, path: str | Path, problem: str, offset: int | None = None) -> None:
+        where = f"{path}" if offset is None else f"{path}: at byte {offset}"
+        super().__init__(f"{where}: {problem}")
+        self.path, self.problem, self.offset = Path(path), problem, offset
+
+    def __reduce__(self) -> tuple[type[LoadError], tuple[str | Path, str, int | None]]:
+        return type(self), (self.path, self.problem, self.offset)
+
+
+class CorruptFileError(LoadError):
+    """The format was recognised, but the contents contradict it or end early."""
+
+
+class SceneError(TsplatError, ValueError):
+    """Arrays do not form a scene: a shape, a dtype or a range is wrong."""
+
+
+class CameraError(TsplatError, ValueError):
+    """Numbers do not form a camera: a size, an angle or a direction is impossible."""
+
+
+class OptionError(TsplatError, ValueError):
+    """An option has a value it cannot take."""
+
+
+class SaveError(TsplatError, OSError):
+    """A file could not be written; nothing half-written is left behind."""
+
+
+class TerminalError(TsplatError, OSError):
+    """There is no terminal to draw on, or it stopped answering."""

@@ -1,0 +1,120 @@
+"""The scene: frozen parallel arrays, checked once, ready to draw.
+
+Loaders undo every file's encoding (log scales, logit opacities, quantised colours); nothing after
+this module asks where a scene came from.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+import numpy.typing as npt
+
+from tsplat.errors import SceneError
+
+F32 = npt.NDArray[np.float32]
+
+SH_COEFFICIENTS = (1, 4, 9, 16)
+"""How many spherical-harmonics coefficients a colour has at degree 0, 1, 2 and 3."""
+
+
+@dataclass(frozen=True, eq=False, slots=True, weakref_slot=True)
+class Gaussians:
+    """N anisotropic 3D Gaussians, activated and ready to draw.
+
+    Arrays are copied only when they are not already float32, C-ordered and read-only.
+
+    Attributes
+    ----------
+    means : ndarray of float32, [N, 3]
+        Centres in world units, in the axes of the file.
+    quats : ndarray of float32, [N, 4]
+        Unit rotations, ``wxyz``.
+    scales : ndarray of float32, [N, 3]
+        Standard deviations along the rotated axes in world units, linear, not negative.
+    opacities : ndarray of float32, [N]
+        Peak opacity, in [0, 1].
+    sh : ndarray of float32, [N, K, 3]
+        Spherical-harmonics coefficients of the colour, K in 1, 4, 9, 16; a colour is
+        ``max(0, 0.5 + sum(basis_k(direction) * sh[:, k]))``.
+
+    Raises
+    ------
+    SceneError
+        A shape disagrees with the others, or a value is not finite or out of its range.
+    """
+
+    means: F32
+    quats: F32
+    scales: F32
+    opacities: F32
+    sh: F32
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            object.__setattr__(self, field.name, _own(getattr(self, field.name)))
+        n = len(self.means) if self.means.ndim else 0
+        _check_shape("means", self.means, (n, 3))
+        _check_shape("quats", self.quats, (n, 4))
+        _check_shape("scales", self.scales, (n, 3))
+        _check_shape("opacities", self.opacities, (n,))
+        if self.sh.ndim != 3 or self.sh.shape[1] not in SH_COEFFICIENTS:
+            raise SceneError(
+                f"sh must have shape [{n}, K, 3], K in {SH_COEFFICIENTS}, got {list(self.sh.shape)}"
+            )
+        _check_shape("sh", self.sh, (n, self.sh.shape[1], 3))
+        for field in fields(self):
+            _check_finite(field.name, getattr(self, field.name))
+        _check_range("scales", self.scales, 0.0, math.inf)
+        _check_range("opacities", self.opacities, 0.0, 1.0)
+
+    def __reduce__(self) -> tuple[type[Gaussians], tuple[F32, ...]]:
+        # NumPy unpickles read-only arrays as writable; rebuilding through the
+        # constructor keeps worker processes on the same compiled kernels.
+        return Gaussians, tuple(getattr(self, field.name) for field in fields(self))
+
+    def __len__(self) -> int:
+        return len(self.means)
+
+    @property
+    def sh_degree(self) -> int:
+        """Degree of the spherical harmonics that are stored, 0 to 3."""
+        return SH_COEFFICIENTS.index(self.sh.shape[1])
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of all arrays, in bytes."""
+        return sum(getattr(self, field.name).nbytes for field in fields(self))
+
+    def take(self, source_from_kept: npt.NDArray[np.integer] | Sequence[int]) -> Gaussians:
+        """Return the chosen Gaussians, in the order of the indices."""
+        chosen = np.asarray(source_from_kept, np.intp)
+        return Gaussians(*(getattr(self, field.name)[chosen] for field in fields(self)))
+
+
+def _own(array: npt.ArrayLike) -> F32:
+    # Numba compiles a kernel again for each new dtype, layout and read-only flag; here they become one.
+    owned = np.ascontiguousarray(array, np.float32)
+    if owned.flags.writeable:
+        owned = owned.view()
+        owned.flags.writeable = False
+    return owned
+
+
+def _check_shape(name: str, array: F32, shape: tuple[int, ...]) -> None:
+    if array.shape != shape:
+        raise SceneError(f"{name} must have shape {list(shape)}, got {list(array.shape)}")
+
+
+def _check_finite(name: str, array: F32) -> None:
+    # The sum of finite float32 values, taken in float64, is finite; one pass, no temporary mask.
+    if not math.isfinite(np.sum(array, dtype=np.float64)):
+        raise SceneError(f"{name} must be finite, but holds nan or inf; drop those Gaussians first")
+
+
+def _check_range(name: str, array: F32, low: float, high: float) -> None:
+    if array.size and (array.min() < low or array.max() > high):
+        raise SceneError(f"{name} must lie in [{low}, {high}], got [{array.min()}, {array.max()}]")
