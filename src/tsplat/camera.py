@@ -62,9 +62,7 @@ class Camera:
             raise CameraError(f"focal lengths must be positive, got {self.K[0, 0]} and {self.K[1, 1]}")
         rotation = self.viewmat[:3, :3]
         if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-4) or np.linalg.det(rotation) < 0:
-            raise CameraError(
-                "viewmat must hold a rotation: orthonormal, not mirrored; check its axes and scale"
-            )
+            raise CameraError("viewmat must hold a rotation: orthonormal, not mirrored; check its axes and scale")
 
     @classmethod
     def look_at(
@@ -210,9 +208,7 @@ class Pose:
 
     def camera(self, width: int, height: int, fov_y: float) -> Camera:
         """Return the camera of this pose; ``fov_y`` in degrees, as in `Camera.look_at`."""
-        return Camera.look_at(
-            self.eye, _vector(self.target), self.up, width=width, height=height, fov_y=fov_y
-        )
+        return Camera.look_at(self.eye, _vector(self.target), self.up, width=width, height=height, fov_y=fov_y)
 
 
 def intrinsics(width: int, height: int, fov_y: float) -> F64:

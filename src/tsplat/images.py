@@ -74,9 +74,7 @@ def save(path: str | Path, colors: F32, alphas: F32) -> Path:
             os.unlink(name)
             raise
     except OSError as error:
-        raise SaveError(
-            f"{path}: cannot be written: {error.strerror or error}; choose another folder"
-        ) from error
+        raise SaveError(f"{path}: cannot be written: {error.strerror or error}; choose another folder") from error
     return path
 
 

@@ -111,9 +111,7 @@ class RenderOptions:
         _expect(0 <= self.threads <= 1024, "threads", self.threads, "0 (all) to 1024")
         _expect(0.0 < self.train_focal < math.inf, "train_focal", self.train_focal, "pixels above 0")
         planes = 0.0 < self.near_plane < self.far_plane <= FAR_PLANE
-        _expect(
-            planes, "near_plane and far_plane", (self.near_plane, self.far_plane), "0 < near < far <= 1e10"
-        )
+        _expect(planes, "near_plane and far_plane", (self.near_plane, self.far_plane), "0 < near < far <= 1e10")
         _expect(0.0 <= self.eps2d < 100.0, "eps2d", self.eps2d, "0 to 100 pixels squared")
         _expect(1e-4 <= self.alpha_min < 1.0, "alpha_min", self.alpha_min, "0.0001 to 1")
         _expect(0.0 < self.sigma_extent <= 10.0, "sigma_extent", self.sigma_extent, "above 0, to 10")

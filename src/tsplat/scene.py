@@ -62,9 +62,7 @@ class Gaussians:
         _check_shape("scales", self.scales, (n, 3))
         _check_shape("opacities", self.opacities, (n,))
         if self.sh.ndim != 3 or self.sh.shape[1] not in SH_COEFFICIENTS:
-            raise SceneError(
-                f"sh must have shape [{n}, K, 3], K in {SH_COEFFICIENTS}, got {list(self.sh.shape)}"
-            )
+            raise SceneError(f"sh must have shape [{n}, K, 3], K in {SH_COEFFICIENTS}, got {list(self.sh.shape)}")
         _check_shape("sh", self.sh, (n, self.sh.shape[1], 3))
         for field in fields(self):
             _check_finite(field.name, getattr(self, field.name))
