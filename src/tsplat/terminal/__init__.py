@@ -1,0 +1,21 @@
+"""Front door: `Session`, the only code that touches the tty, its events, and what the terminal can do."""
+
+from __future__ import annotations
+
+from tsplat.terminal.keys import Event, Focus, Key, Mouse, Resize, TerminalSize
+from tsplat.terminal.probe import Profile, choose_output, detect, outputs
+from tsplat.terminal.session import Session
+
+__all__ = [
+    "Event",
+    "Focus",
+    "Key",
+    "Mouse",
+    "Profile",
+    "Resize",
+    "Session",
+    "TerminalSize",
+    "choose_output",
+    "detect",
+    "outputs",
+]
