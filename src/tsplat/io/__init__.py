@@ -1,0 +1,116 @@
+"""Stage 1: files become `Gaussians`, every encoding undone.
+
+`load` chooses the format by the first bytes, then by the suffix; `tsplat.io.formats` lists them.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+from tsplat.errors import LoadError, OptionError, SaveError
+from tsplat.io.cameras import TrainingCamera, load_cameras, train_focal_beside
+from tsplat.io.formats import FORMATS, HEAD_BYTES, find_format
+from tsplat.scene import Gaussians
+
+__all__ = ["TrainingCamera", "demo_path", "load", "load_cameras", "save", "train_focal_beside"]
+
+
+def load(
+    path: str | Path,
+    *,
+    max_splats: int | None = None,
+    raw_opacity: bool = False,
+    progress: Callable[[float], None] | None = None,
+) -> Gaussians:
+    """Read a scene.
+
+    Parameters
+    ----------
+    path : str or Path
+        A splat PLY: little-endian, big-endian or ASCII, SH degree 0 to 3.
+    max_splats : int, optional
+        Keep at most this many, those with the largest opacity times area; by default all.
+    raw_opacity : bool
+        The file holds opacities from 0 to 1 where others hold logits.
+    progress : callable, optional
+        Called with the fraction done, growing from 0 to 1.
+
+    Returns
+    -------
+    Gaussians
+        In file order. Splats with nan, inf or a zero quat are left out.
+
+    Raises
+    ------
+    LoadError
+        No such file, or it is no splat scene of a known format; `CorruptFileError` where it is broken.
+    OptionError
+        ``max_splats`` is below 1.
+
+    Warns
+    -----
+    LoadWarning
+        Splats were left out or mended; the text says how many.
+    """
+    if max_splats is not None and max_splats < 1:
+        raise OptionError(f"max_splats must be 1 or more, got {max_splats}")
+    path = Path(path)
+    try:
+        known = find_format(_head(path), path.suffix)
+        if known is None:
+            names = ", ".join(f"{known.name} ({', '.join(known.suffixes)})" for known in FORMATS)
+            raise LoadError(path, f"is of no known format, expected {names}; convert it first", 0)
+        return known.read(
+            path, max_splats=max_splats, raw_opacity=raw_opacity, progress=progress or (lambda _: None)
+        )
+    except OSError as error:
+        raise LoadError(path, f"cannot be read: {error.strerror or error}; check the path") from error
+
+
+def save(path: str | Path, gaussians: Gaussians) -> Path:
+    """Write a scene in the format that the suffix names; an existing file is replaced in one step.
+
+    Returns
+    -------
+    Path
+        The file written.
+
+    Raises
+    ------
+    SaveError
+        The suffix names no format that can be written, or the folder cannot be written.
+    """
+    path = Path(path)
+    known = find_format(b"", path.suffix)
+    if known is None or known.write is None:
+        suffixes = ", ".join(suffix for known in FORMATS if known.write for suffix in known.suffixes)
+        raise SaveError(f"{path}: suffix {path.suffix!r} is no format that can be written; use one of {suffixes}")
+    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        try:
+            with beside.open("xb") as file:
+                known.write(file, gaussians)
+            beside.replace(path)
+        except BaseException:
+            beside.unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        raise SaveError(f"{path}: cannot be written: {error.strerror or error}; choose another folder") from error
+    return path
+
+
+def demo_path() -> Path:
+    """Return where the demo scene is: PLAYBOT by Stephane Agullo, CC-BY-4.0; see ``demo.txt`` beside it."""
+    return Path(__file__).resolve().parents[1] / "demo.ply"
+
+
+def _head(path: Path) -> bytes:
+    if path.exists() and not path.is_file():
+        raise LoadError(path, "is a folder or a device, expected a file; give the path of a scene")
+    with path.open("rb") as file:
+        head = file.read(HEAD_BYTES)
+    if not head:
+        raise LoadError(path, "is empty, expected a splat scene; fetch it again", 0)
+    return head

@@ -1,0 +1,58 @@
+"""The file formats, one line each: add a module with `matches`, `read` and maybe `write`, then a line here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO, Protocol
+
+from tsplat.io import ply
+from tsplat.scene import Gaussians
+
+
+class Reader(Protocol):
+    """Reads a scene; raises `LoadError`, and calls ``progress`` with the fraction done."""
+
+    def __call__(
+        self, path: Path, *, max_splats: int | None, raw_opacity: bool, progress: Callable[[float], None]
+    ) -> Gaussians: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """How one kind of file is recognised, read and written.
+
+    Attributes
+    ----------
+    name : str
+        For people.
+    suffixes : tuple of str
+        Lower case, with the dot; they decide where the first bytes do not.
+    matches : callable
+        Tells from the first `HEAD_BYTES` bytes whether a file is of this kind.
+    read : Reader
+        Reads a scene.
+    write : callable, optional
+        Writes a scene to a binary file.
+    """
+
+    name: str
+    suffixes: tuple[str, ...]
+    matches: Callable[[bytes], bool]
+    read: Reader
+    write: Callable[[BinaryIO, Gaussians], None] | None = None
+
+
+HEAD_BYTES = 64
+"""How much of a file `Format.matches` gets to see."""
+
+FORMATS = (Format("PLY", (".ply",), ply.matches, ply.read, ply.write),)
+
+
+def find_format(head: bytes, suffix: str) -> Format | None:
+    """Return the format of a file by its first bytes, then by its suffix, or None."""
+    for known in FORMATS:
+        if known.matches(head):
+            return known
+    return next((known for known in FORMATS if suffix.lower() in known.suffixes), None)

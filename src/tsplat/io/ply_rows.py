@@ -1,0 +1,174 @@
+"""The rows of one element of a PLY file as float32, a chunk at a time, whatever their encoding.
+
+Chunks are read into one buffer that is used again, not mapped: every mapped page would count as
+memory of this process, and a chunk of this size is decoded while it is still in the cache.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+import numpy.typing as npt
+
+from tsplat.errors import CorruptFileError
+from tsplat.io.ply_header import Element, Header
+
+F32 = npt.NDArray[np.float32]
+
+CHUNK_BYTES = 1 << 19
+"""What is decoded at once: with its output it fits a core's second-level cache."""
+
+MAX_LINE = 1 << 20
+"""Bytes read at once in search of a line's end."""
+
+
+def chunk_rows(element: Element) -> int:
+    """Return how many rows `read_rows` yields at a time, at least 1."""
+    return max(1, CHUNK_BYTES // max(4 * len(element.properties), element.least_bytes, 1))
+
+
+def read_rows(file: BinaryIO, path: Path, header: Header, element: Element, start: int) -> Iterator[F32]:
+    """Yield the rows of ``element``, which has no lists, in file order.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading.
+    path : Path
+        Its name, for errors.
+    header : Header
+        Of this file.
+    element : Element
+        One of the header's.
+    start : int
+        Offset in bytes of its first row, as `find_rows` returned it.
+
+    Yields
+    ------
+    ndarray of float32, [n, P]
+        All P columns of n rows, n at most `chunk_rows`. Valid until the next one is asked for.
+
+    Raises
+    ------
+    CorruptFileError
+        The rows end early, or a line of an ASCII file is not a row.
+    """
+    file.seek(start)
+    if header.byte_order:
+        return _binary_rows(file, path, element, header.byte_order)
+    return _text_rows(file, path, element)
+
+
+def find_rows(file: BinaryIO, path: Path, header: Header, element: Element) -> int:
+    """Return the offset in bytes of the first row of ``element``, walking over what comes before it.
+
+    Raises
+    ------
+    CorruptFileError
+        The elements of the file, this one or another, need more bytes than there are.
+    """
+    size = os.fstat(file.fileno()).st_size
+    if size - header.data_start < header.least_bytes:
+        counts = ", ".join(f"{each.count} {ascii(each.name)[:40]}" for each in header.elements)
+        problem = f"rows: {counts} need at least {header.least_bytes} bytes, {size - header.data_start} are there"
+        raise CorruptFileError(path, f"{problem}; the file is truncated, fetch it again", header.data_start)
+    position = header.data_start
+    for before in header.elements:
+        if before is element:
+            break
+        if not header.byte_order:
+            position = _skip_lines(file, path, before, position)
+        elif before.has_lists:
+            position = _skip_lists(file, path, before, position, size, header.byte_order)
+        else:
+            position += before.count * before.least_bytes
+    if header.byte_order and size - position < element.count * element.least_bytes:
+        raise _ended(path, element, (size - position) // element.least_bytes, size)
+    return position
+
+
+def _binary_rows(file: BinaryIO, path: Path, element: Element, byte_order: str) -> Iterator[F32]:
+    record = np.dtype([(prop.name, byte_order + prop.code) for prop in element.properties])
+    all_float = all(prop.code == "f4" for prop in element.properties)
+    size = chunk_rows(element)
+    buffer = np.empty(size, record)
+    rows = buffer.view(byte_order + "f4").reshape(size, -1) if all_float else None
+    native = np.empty((size, len(element.properties)), np.float32)
+    for first in range(0, element.count, size):
+        n = min(size, element.count - first)
+        got = file.readinto(buffer[:n].view(np.uint8).data)  # type: ignore[attr-defined]
+        if got < n * record.itemsize:
+            raise _ended(path, element, first + got // record.itemsize, file.tell())
+        if rows is None:
+            with np.errstate(
+                over="ignore", invalid="ignore"
+            ):  # a double beyond float32 becomes inf, and is dropped
+                for column, prop in enumerate(element.properties):
+                    native[:n, column] = buffer[prop.name][:n]
+            yield native[:n]
+        elif rows.dtype.isnative:
+            yield rows[:n]  # type: ignore[misc]
+        else:
+            native[:n] = rows[:n]
+            yield native[:n]
+
+
+def _text_rows(file: BinaryIO, path: Path, element: Element) -> Iterator[F32]:
+    size, columns = chunk_rows(element), len(element.properties)
+    for first in range(0, element.count, size):
+        lines: list[list[bytes]] = []
+        start = file.tell()
+        for row in range(first, min(first + size, element.count)):
+            words = file.readline(MAX_LINE).split()
+            if len(words) != columns:
+                if not words and not file.read(1):
+                    raise _ended(path, element, row, file.tell())
+                problem = f"row {row} of {element.name!a} has {len(words)} values, expected {columns}"
+                raise CorruptFileError(path, f"{problem}; the file is damaged, fetch it again", file.tell())
+            lines.append(words)
+        try:
+            with np.errstate(over="ignore", invalid="ignore"):
+                yield np.array(lines, np.bytes_).astype(np.float64).astype(np.float32)
+        except ValueError as error:
+            problem = f"rows {first} to {first + len(lines) - 1} of {element.name!a} hold a word that is no number"
+            raise CorruptFileError(path, f"{problem}; the file is damaged, fetch it again", start) from error
+
+
+def _skip_lines(file: BinaryIO, path: Path, element: Element, position: int) -> int:
+    file.seek(position)
+    for row in range(element.count):
+        line = file.readline(MAX_LINE)
+        while len(line) == MAX_LINE and not line.endswith(b"\n"):
+            line = file.readline(MAX_LINE)
+        if not line:
+            raise _ended(path, element, row, file.tell())
+    return file.tell()
+
+
+def _skip_lists(file: BinaryIO, path: Path, element: Element, position: int, size: int, byte_order: str) -> int:
+    endian = "little" if byte_order == "<" else "big"
+    steps = [
+        (prop.least_bytes, np.dtype(prop.code).itemsize, prop.length_code or "") for prop in element.properties
+    ]
+    for row in range(element.count):
+        for width, item, length_code in steps:
+            if length_code:
+                file.seek(position)
+                length = int.from_bytes(file.read(width), endian, signed=length_code[0] == "i")  # type: ignore[arg-type]
+                if length < 0:
+                    problem = f"row {row} of {element.name!a} has a list of length {length}, expected 0 or more"
+                    raise CorruptFileError(path, f"{problem}; the file is damaged, fetch it again", position)
+                position += length * item
+            position += width
+            if position > size:
+                raise _ended(path, element, row, size)
+    return position
+
+
+def _ended(path: Path, element: Element, row: int, offset: int) -> CorruptFileError:
+    problem = f"ends in row {row} of {element.count} of {ascii(element.name)[:40]}"
+    return CorruptFileError(path, f"{problem}; the file is truncated, fetch it again", offset)
