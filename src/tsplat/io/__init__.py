@@ -67,6 +67,8 @@ def load(
         )
     except OSError as error:
         raise LoadError(path, f"cannot be read: {error.strerror or error}; check the path") from error
+    except MemoryError as error:
+        raise LoadError(path, "needs more memory than there is; keep fewer splats with max_splats") from error
 
 
 def save(path: str | Path, gaussians: Gaussians) -> Path:

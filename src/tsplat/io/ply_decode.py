@@ -8,7 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 import numpy.typing as npt
 
-from tsplat.io.importance import importance, most_important
+from tsplat.importance import importance, most_important
 from tsplat.io.ply_columns import Columns
 from tsplat.scene import Gaussians
 

@@ -164,13 +164,10 @@ def _with_property(element: Element, words: list[str], fault: _Fault) -> Element
             prop = Property(name, SCALARS[scalar])
         case _:
             shown = _shown(" ".join(words))
-            raise fault(
-                f"property {shown} of {_shown(element.name)} needs a type ({', '.join(SCALARS)}) and a name"
-            )
+            expected = f"a type ({', '.join(SCALARS)}) and a name"
+            raise fault(f"property {shown} of {_shown(element.name)}, expected {expected}")
     if len(element.properties) >= MAX_COLUMNS:
-        raise fault(
-            f"{_shown(element.name)} has more than {MAX_COLUMNS} properties; remove those that are not needed"
-        )
+        raise fault(f"{_shown(element.name)} has more than {MAX_COLUMNS} properties; remove what is not needed")
     if prop.name in element.names:
         raise fault(f"property {_shown(prop.name)} of {_shown(element.name)} is declared twice")
     return Element(element.name, element.count, (*element.properties, prop))

@@ -104,14 +104,12 @@ def _binary_rows(file: BinaryIO, path: Path, element: Element, byte_order: str) 
         if got < n * record.itemsize:
             raise _ended(path, element, first + got // record.itemsize, file.tell())
         if rows is None:
-            with np.errstate(
-                over="ignore", invalid="ignore"
-            ):  # a double beyond float32 becomes inf, and is dropped
+            with np.errstate(over="ignore", invalid="ignore"):  # a double may overflow to inf: dropped later
                 for column, prop in enumerate(element.properties):
                     native[:n, column] = buffer[prop.name][:n]
             yield native[:n]
         elif rows.dtype.isnative:
-            yield rows[:n]  # type: ignore[misc]
+            yield rows[:n]
         else:
             native[:n] = rows[:n]
             yield native[:n]

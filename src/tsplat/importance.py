@@ -31,7 +31,8 @@ def importance(scales: F32, opacities: F32) -> F32:
     """
     x, y, z = scales.T.astype(np.float64)
     area = (x * y + y * z + z * x) / 3.0
-    return np.minimum(opacities * area, np.finfo(np.float32).max).astype(np.float32)
+    scores: F32 = np.minimum(opacities * area, np.finfo(np.float32).max).astype(np.float32)
+    return scores
 
 
 def most_important(scores: F32, limit: int) -> Mask:
