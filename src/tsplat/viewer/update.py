@@ -1,0 +1,139 @@
+"""The pure core: a state and an event in, the next state out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from tsplat.terminal.keys import Focus, Key, Mouse, Resize
+from tsplat.viewer import motion
+from tsplat.viewer.settings import select_row, step_output, step_row
+from tsplat.viewer.state import Notice, Panel, Tick, ViewerState
+
+Event = Key | Mouse | Resize | Focus | Tick | Notice
+
+MOTION_KEYS = {
+    "w": "forward",
+    "s": "back",
+    "a": "left",
+    "d": "right",
+    "r": "up",
+    "f": "down",
+    "j": "yaw left",
+    "k": "yaw right",
+    "left": "yaw left",
+    "right": "yaw right",
+    "h": "pitch up",
+    "l": "pitch down",
+    "up": "pitch up",
+    "down": "pitch down",
+    "+": "zoom in",
+    "=": "zoom in",
+    "-": "zoom out",
+    "_": "zoom out",
+}
+"""Keys that act as long as they are down; ``=`` and ``_`` are + and - with the other shift."""
+
+
+def update(state: ViewerState, event: Event) -> ViewerState:
+    """Return the state after ``event``; what means nothing here changes nothing."""
+    match event:
+        case Tick():
+            return motion.tick(state, event)
+        case Key():
+            return _key(state, event)
+        case Mouse():
+            return _mouse(state, event)
+        case Resize():
+            return replace(state, size=event.size, screens=state.screens + 1, grabbed=None)
+        case Focus():
+            # Keys held while the window loses the keyboard will never be reported as released.
+            return state if event.gained else replace(state, held=(), grabbed=None)
+        case Notice():
+            return replace(state, message=event.text)
+
+
+def plain(name: str) -> str:
+    """Return the name of a key without shift and as a small letter: W and w do the same."""
+    return name.removeprefix("shift+").lower()
+
+
+def _key(state: ViewerState, key: Key) -> ViewerState:
+    name = plain(key.name)
+    edit = PANEL_KEYS.get(name) if state.panel == "hud" else None
+    if key.action == "release":
+        return motion.released(state, MOTION_KEYS[name]) if name in MOTION_KEYS else state
+    if key.action == "press":
+        state = replace(state, message="")
+    if edit is not None:
+        return edit(state)
+    if name in MOTION_KEYS:
+        return motion.pressed(state, MOTION_KEYS[name])
+    if name in COMMANDS and key.action == "press":
+        return COMMANDS[name](state)
+    return state
+
+
+def _mouse(state: ViewerState, mouse: Mouse) -> ViewerState:
+    if mouse.action == "wheel":
+        return motion.zoomed(state, mouse.wheel * motion.WHEEL_SECONDS)
+    if mouse.action == "press" and mouse.button in ("left", "right"):
+        button = "pan" if mouse.button == "right" or mouse.shift else "orbit"
+        return replace(state, grabbed=(mouse.x, mouse.y, button))
+    if mouse.action == "release":
+        return replace(state, grabbed=None)
+    if mouse.action == "drag" and state.grabbed:
+        x, y, button = state.grabbed
+        state = replace(state, grabbed=(mouse.x, mouse.y, button))
+        return motion.dragged(state, mouse.x - x, mouse.y - y, pan=button == "pan")
+    return state
+
+
+def _toggle_mode(state: ViewerState) -> ViewerState:
+    return replace(state, mode="fly" if state.mode == "orbit" else "orbit", auto_orbit=False)
+
+
+def _toggle_auto_orbit(state: ViewerState) -> ViewerState:
+    return replace(state, mode="orbit", auto_orbit=not state.auto_orbit)
+
+
+def _home(state: ViewerState) -> ViewerState:
+    return replace(state, pose=state.start, held=(), auto_orbit=False)
+
+
+def _panel(panel: Panel) -> Callable[[ViewerState], ViewerState]:
+    # Keys held now may mean something else while the panel is open, so all of them go up.
+    return lambda state: replace(state, panel="" if state.panel == panel else panel, held=())
+
+
+def _quit(state: ViewerState) -> ViewerState:
+    return replace(state, running=False)
+
+
+def _escape(state: ViewerState) -> ViewerState:
+    return replace(state, panel="") if state.panel else _quit(state)
+
+
+COMMANDS: dict[str, Callable[[ViewerState], ViewerState]] = {
+    "space": _toggle_mode,
+    "o": _toggle_auto_orbit,
+    "z": _home,
+    "home": _home,
+    "m": lambda state: step_output(state, 1),
+    "tab": _panel("hud"),
+    "?": _panel("help"),
+    "p": lambda state: replace(state, pictures=state.pictures + 1),
+    "q": _quit,
+    "ctrl+c": _quit,
+    "escape": _escape,
+    "ctrl+z": lambda state: replace(state, suspends=state.suspends + 1, held=()),
+}
+"""Keys that act once, when they go down."""
+
+PANEL_KEYS: dict[str, Callable[[ViewerState], ViewerState]] = {
+    "up": lambda state: select_row(state, -1),
+    "down": lambda state: select_row(state, 1),
+    "left": lambda state: step_row(state, -1),
+    "right": lambda state: step_row(state, 1),
+}
+"""Keys that mean something else while the HUD is open; they repeat when held."""
