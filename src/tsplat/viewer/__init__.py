@@ -1,0 +1,82 @@
+"""Front door: `view` shows a scene in this terminal until the person leaves."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from tsplat.rendering import RenderOptions, available_processors
+from tsplat.scene import Gaussians
+
+__all__ = ["view"]
+
+GREETING = "? keys   Tab settings   q quit"
+
+
+def view(
+    gaussians: Gaussians,
+    options: RenderOptions,
+    *,
+    name: str = "view",
+    output: str | None = None,
+    up: tuple[float, float, float] | None = None,
+    fov_y: float = 55.0,
+    raw_opacity: bool = False,
+) -> None:
+    """Open the viewer; it returns when the person quits, with the terminal as it was.
+
+    Parameters
+    ----------
+    gaussians : Gaussians
+        The scene.
+    options : RenderOptions
+        How to draw at first.
+    name : str
+        What saved pictures are called: ``tsplat-name-001.png`` in the current folder.
+    output : str, optional
+        A name in `tsplat.encode.ENCODERS`; by default the best this terminal announces.
+    up : tuple of 3 floats, optional
+        Direction in the world that stays upright; guessed by default.
+    fov_y : float
+        Vertical field of view in degrees.
+    raw_opacity : bool
+        Whether the scene was loaded with raw opacities.
+
+    Raises
+    ------
+    TerminalError
+        There is no terminal, or it went away.
+    OptionError
+        There is no such output.
+    """
+    from tsplat.framing import start_pose
+    from tsplat.terminal import Session, choose_output, outputs
+    from tsplat.viewer.loop import Viewer
+    from tsplat.viewer.picture import Painter, screen_pixels
+    from tsplat.viewer.scenes import SceneVariants
+    from tsplat.viewer.state import ViewerState
+
+    with Session() as session:
+        size = session.size()
+        chosen, known = choose_output(output, os.environ, session.profile), outputs(session.profile)
+        width, height = screen_pixels(size, chosen)
+        start = start_pose(gaussians, aspect=width / height, fov_y=fov_y, up=up)
+        state = ViewerState(
+            pose=start,
+            start=start,
+            radius=0.5 * start.distance,
+            size=size,
+            options=options,
+            output=chosen,
+            outputs=known if chosen in known else (chosen, *known),
+            total=len(gaussians),
+            kept=len(gaussians),
+            raw_opacity=raw_opacity,
+            scene_degree=gaussians.sh_degree,
+            threads=available_processors(),
+            fov_y=fov_y,
+            releases=session.profile.kitty_keyboard,
+            message=GREETING,
+        )
+        painter = Painter(SceneVariants(gaussians, raw_opacity=raw_opacity))
+        Viewer(session, painter, state, f"tsplat-{name}", Path.cwd()).run()

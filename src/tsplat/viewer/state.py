@@ -89,7 +89,8 @@ class ViewerState:
     pose, start : Pose
         Where the eye is, and where Z takes it back to.
     radius : float
-        Extent of the scene's bulk in world units; flight is measured by it.
+        Half the start view's distance, about the extent of the scene's bulk, in world units;
+        flight is measured by it.
     size : TerminalSize
         The screen.
     screens : int
@@ -112,6 +113,8 @@ class ViewerState:
         Processors there are.
     density : float
         Rendered pixels for each pixel of the output, along either side.
+    row, scroll : int
+        The selected row of the HUD, and the first one shown of the keys.
     message : str
         Text at the bottom of the screen.
     """
@@ -139,6 +142,7 @@ class ViewerState:
     grabbed: tuple[float, float, str] | None = None
     panel: Panel = ""
     row: int = 0
+    scroll: int = 0
     message: str = ""
     screens: int = 0
     pictures: int = 0
@@ -164,6 +168,7 @@ def picture(state: ViewerState) -> ViewerState:
         grabbed=None,
         panel="",
         row=0,
+        scroll=0,
         message="",
         screens=0,
         pictures=0,
@@ -174,4 +179,13 @@ def picture(state: ViewerState) -> ViewerState:
 
 def overlay(state: ViewerState) -> tuple[object, ...]:
     """Return what the text over the frame depends on, besides the picture."""
-    return state.panel, state.row, state.message, state.mode, state.auto_orbit, state.speeds, state.screens
+    return (
+        state.panel,
+        state.row,
+        state.scroll,
+        state.message,
+        state.mode,
+        state.auto_orbit,
+        state.speeds,
+        state.screens,
+    )

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from tsplat.terminal.keys import Focus, Key, Mouse, Resize
-from tsplat.viewer import motion
+from tsplat.viewer import help, motion
 from tsplat.viewer.settings import select_row, step_output, step_row
 from tsplat.viewer.state import Notice, Panel, Tick, ViewerState
 
@@ -60,7 +60,7 @@ def plain(name: str) -> str:
 
 def _key(state: ViewerState, key: Key) -> ViewerState:
     name = plain(key.name)
-    edit = PANEL_KEYS.get(name) if state.panel == "hud" else None
+    edit = _panel_keys(state).get(name)
     if key.action == "release":
         return motion.released(state, MOTION_KEYS[name]) if name in MOTION_KEYS else state
     if key.action == "press":
@@ -72,6 +72,12 @@ def _key(state: ViewerState, key: Key) -> ViewerState:
     if name in COMMANDS and key.action == "press":
         return COMMANDS[name](state)
     return state
+
+
+def _panel_keys(state: ViewerState) -> Mapping[str, Callable[[ViewerState], ViewerState]]:
+    if state.panel == "hud":
+        return HUD_KEYS
+    return HELP_KEYS if state.panel == "help" and not help.fits(state) else {}
 
 
 def _mouse(state: ViewerState, mouse: Mouse) -> ViewerState:
@@ -90,11 +96,18 @@ def _mouse(state: ViewerState, mouse: Mouse) -> ViewerState:
 
 
 def _toggle_mode(state: ViewerState) -> ViewerState:
-    return replace(state, mode="fly" if state.mode == "orbit" else "orbit", auto_orbit=False)
+    if state.mode == "orbit":
+        return replace(state, mode="fly", auto_orbit=False, message="flying")
+    return replace(state, mode="orbit", message="orbiting")
 
 
 def _toggle_auto_orbit(state: ViewerState) -> ViewerState:
     return replace(state, mode="orbit", auto_orbit=not state.auto_orbit)
+
+
+def _next_output(state: ViewerState) -> ViewerState:
+    state = step_output(state, 1)
+    return replace(state, message=f"output: {state.output}")
 
 
 def _home(state: ViewerState) -> ViewerState:
@@ -103,7 +116,7 @@ def _home(state: ViewerState) -> ViewerState:
 
 def _panel(panel: Panel) -> Callable[[ViewerState], ViewerState]:
     # Keys held now may mean something else while the panel is open, so all of them go up.
-    return lambda state: replace(state, panel="" if state.panel == panel else panel, held=())
+    return lambda state: replace(state, panel="" if state.panel == panel else panel, held=(), scroll=0)
 
 
 def _quit(state: ViewerState) -> ViewerState:
@@ -119,7 +132,7 @@ COMMANDS: dict[str, Callable[[ViewerState], ViewerState]] = {
     "o": _toggle_auto_orbit,
     "z": _home,
     "home": _home,
-    "m": lambda state: step_output(state, 1),
+    "m": _next_output,
     "tab": _panel("hud"),
     "?": _panel("help"),
     "p": lambda state: replace(state, pictures=state.pictures + 1),
@@ -130,10 +143,16 @@ COMMANDS: dict[str, Callable[[ViewerState], ViewerState]] = {
 }
 """Keys that act once, when they go down."""
 
-PANEL_KEYS: dict[str, Callable[[ViewerState], ViewerState]] = {
+HUD_KEYS: dict[str, Callable[[ViewerState], ViewerState]] = {
     "up": lambda state: select_row(state, -1),
     "down": lambda state: select_row(state, 1),
     "left": lambda state: step_row(state, -1),
     "right": lambda state: step_row(state, 1),
 }
 """Keys that mean something else while the HUD is open; they repeat when held."""
+
+HELP_KEYS: dict[str, Callable[[ViewerState], ViewerState]] = {
+    "up": lambda state: replace(state, scroll=max(0, state.scroll - 1)),
+    "down": lambda state: replace(state, scroll=min(help.HEIGHT, state.scroll + 1)),
+}
+"""Likewise while the keys are shown on a screen too short for all of them."""

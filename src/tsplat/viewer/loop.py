@@ -1,0 +1,205 @@
+"""The thin shell around the pure core: poll, update, draw, one write a frame."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from tsplat.errors import SaveError
+from tsplat.terminal.keys import Event
+from tsplat.terminal.probe import Profile
+from tsplat.viewer.hud import Measured, layout
+from tsplat.viewer.picture import Drawn, Painter, free_path
+from tsplat.viewer.spans import Span, erased, painted
+from tsplat.viewer.state import Notice, Tick, ViewerState, overlay, picture
+from tsplat.viewer.update import update
+
+FRAME_SECONDS = 1.0 / 60.0
+REST_SECONDS = 3600.0
+NOTICE_SECONDS = 0.2
+"""A start that is quicker than this shows no notice."""
+
+HOME, ERASE_SCREEN = b"\x1b[H", b"\x1b[0m\x1b[2J"
+COMPILING = "compiling kernels, first run only: {seconds:.0f} s"
+
+
+class Terminal(Protocol):
+    """What the loop needs of `tsplat.terminal.Session`."""
+
+    profile: Profile
+
+    def events(self, timeout: float) -> list[Event]: ...
+    def write(self, screen: bytes) -> None: ...
+    def synchronized(self, screen: bytes) -> bytes: ...
+    def suspend(self) -> None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Screen:
+    """What was written last: the seen part of the state, its text, and how the picture got there."""
+
+    seen: tuple[object, ...]
+    spans: list[Span]
+    drawn: Drawn
+    picture: ViewerState
+
+
+class Viewer:
+    """Runs a session from its first frame to the key that ends it.
+
+    Parameters
+    ----------
+    session : Terminal
+        An entered session.
+    painter : Painter
+        Draws the scene.
+    state : ViewerState
+        Where to begin.
+    name : str
+        What pictures saved by P are called.
+    folder : Path
+        Where they go.
+    """
+
+    def __init__(self, session: Terminal, painter: Painter, state: ViewerState, name: str, folder: Path) -> None:
+        self.session, self.painter, self.state = session, painter, state
+        self.name, self.folder = name, folder
+        self.screen: Screen | None = None
+        self.intervals: deque[float] = deque(maxlen=20)
+        self.last_start = 0.0
+        self.rested = True
+        self.write_ms = 0.0
+
+    def run(self) -> None:
+        """Draw and obey until a key ends it."""
+        self.warm_up()
+        last_tick: float | None = None
+        due = 0.0
+        while self.state.running:
+            now = time.perf_counter()
+            if self.changed and now >= due:
+                due = now + FRAME_SECONDS
+                self.show(now)
+                continue
+            idle = not (self.changed or self.state.moving)
+            self.rested |= idle
+            self.take(self.session.events(REST_SECONDS if idle else max(0.0, due - now)))
+            now = time.perf_counter()
+            if self.state.moving:
+                # The first tick after a rest stands for one frame, so that a key acts at once.
+                self.state = update(self.state, Tick(now - last_tick if last_tick else FRAME_SECONDS))
+            last_tick = now if self.state.moving else None
+
+    @property
+    def changed(self) -> bool:
+        """Whether the screen no longer shows the state."""
+        return self.screen is None or self.screen.seen != _seen(self.state)
+
+    def take(self, events: list[Event]) -> None:
+        """Obey events; do what a state can only ask for."""
+        for event in events:
+            before, self.state = self.state, update(self.state, event)
+            if self.state.pictures != before.pictures:
+                self.save_picture()
+            if self.state.suspends != before.suspends:
+                self.session.suspend()
+
+    def save_picture(self) -> None:
+        """Save the view and say where, or why not."""
+        try:
+            path = self.painter.save(self.state, free_path(self.folder, self.name))
+        except SaveError as error:
+            text = str(error)
+        else:
+            text = f"saved {path}"
+        self.state = update(self.state, Notice(text))
+
+    def show(self, start: float) -> None:
+        """Draw the state: one write, the picture first and the text above it."""
+        state, screen = self.state, self.screen
+        fresh = self._fresh_screen()
+        drawn = self._drawn(picture(state))
+        spans = layout(state, self.measured(drawn, start))
+        stale = erased(screen.spans, spans) if screen and not fresh else b""
+        body = self.session.synchronized(stale + HOME + drawn.encoded.draw + painted(spans))
+        before_write = time.perf_counter()
+        self.session.write(fresh + drawn.encoded.upload + body)
+        end = time.perf_counter()
+        self.write_ms = 1e3 * (end - before_write)
+        if self.rested:
+            self.intervals.clear()
+        else:
+            self.intervals.append(start - self.last_start)
+        self.last_start, self.rested = start, False
+        self.screen = Screen(_seen(state), spans, drawn, picture(state))
+
+    def _drawn(self, wanted: ViewerState) -> Drawn:
+        if self.screen and self.screen.picture == wanted:
+            return self.painter.again(self.state, self.screen.drawn)
+        return self.painter.draw(self.state)
+
+    def _fresh_screen(self) -> bytes:
+        """Return what empties the screen before its first picture, after resizing and between outputs."""
+        last, old = self.screen, self.painter.encoder
+        if last and old and old.name == self.state.output and last.seen[-1] == self.state.screens:
+            return b""
+        return (old.clear() if old else b"") + ERASE_SCREEN
+
+    def measured(self, drawn: Drawn, start: float) -> Measured:
+        """Return what the HUD shows besides the state."""
+        profile = self.session.profile
+        if self.intervals:
+            seconds = sum(self.intervals) / len(self.intervals)
+        else:
+            seconds = max(FRAME_SECONDS, time.perf_counter() - start + 1e-3 * self.write_ms)
+        height, width = drawn.frame.shape[:2]
+        return Measured(
+            fps=1.0 / seconds,
+            visible=drawn.visible,
+            width=width,
+            height=height,
+            stage_ms=drawn.stage_ms | {"write": self.write_ms},
+            terminal=f"{profile.program} {profile.version}".strip(),
+            protocol=detected(profile),
+        )
+
+    def warm_up(self) -> None:
+        """Compile or load the kernels with a notice on screen, ready to be told to stop."""
+        start = time.perf_counter()
+        # A daemon, so that quitting does not wait for the compiler; the frame itself is drawn again, in
+        # the main thread, where its errors belong.
+        worker = threading.Thread(target=self.painter.draw, args=(self.state,), daemon=True)
+        worker.start()
+        while worker.is_alive() and self.state.running:
+            worker.join(0.01)
+            self.take(self.session.events(0.0))
+            seconds = time.perf_counter() - start
+            if seconds > NOTICE_SECONDS:
+                self.session.write(self.session.synchronized(self._notice(seconds)))
+                worker.join(0.1)
+
+    def _notice(self, seconds: float) -> bytes:
+        size = self.state.size
+        text = COMPILING.format(seconds=seconds)[: size.columns]
+        return f"\x1b[{(size.rows + 1) // 2};{(size.columns - len(text)) // 2 + 1}H{text}".encode()
+
+
+def detected(profile: Profile) -> str:
+    """Return what was found out about a terminal, in a few words."""
+    found = {
+        "kitty graphics": profile.kitty_graphics,
+        "sixel": profile.sixel,
+        "24-bit": profile.colors > 256,
+        "sync": profile.synchronized,
+        "key releases": profile.kitty_keyboard,
+        "pixel mouse": profile.pixel_mouse,
+    }
+    return ", ".join(name for name, present in found.items() if present) or "256 colours"
+
+
+def _seen(state: ViewerState) -> tuple[object, ...]:
+    return picture(state), *overlay(state)

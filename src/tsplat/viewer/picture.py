@@ -1,0 +1,146 @@
+"""From the state to a frame: the right variant of the scene, the right camera, the colours asked for."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from tsplat import images
+from tsplat.camera import MAX_SIDE, Camera
+from tsplat.encode import FALLBACK_CELL, EncodedFrame, Encoder, encoder
+from tsplat.rendering import Rendering
+from tsplat.terminal.keys import TerminalSize
+from tsplat.viewer.scenes import SceneVariants
+from tsplat.viewer.state import ViewerState
+
+F32 = npt.NDArray[np.float32]
+U8 = npt.NDArray[np.uint8]
+
+LUMA = np.array([0.2126, 0.7152, 0.0722], np.float32)
+"""How bright each primary looks, ITU-R BT.709."""
+
+SAVED_SIDE = 1920
+"""Pixels of the longer side of a saved picture, or more where the screen has more."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Drawn:
+    """One frame, ready to be written.
+
+    Attributes
+    ----------
+    frame : ndarray of uint8, [H, W, 3]
+    encoded : EncodedFrame
+    visible : int
+        Splats that touch the image.
+    stage_ms : dict of str to float
+        Milliseconds by stage, encoding last.
+    """
+
+    frame: U8
+    encoded: EncodedFrame
+    visible: int
+    stage_ms: dict[str, float]
+
+
+class Painter:
+    """Renders and encodes what the state shows; keeps the encoder, which knows what it left on screen."""
+
+    def __init__(self, scenes: SceneVariants) -> None:
+        self.scenes = scenes
+        self.encoder: Encoder | None = None
+
+    def draw(self, state: ViewerState) -> Drawn:
+        """Render and encode one frame."""
+        chosen = self.choose(state)
+        rendering = self.render(state, *frame_size(state, chosen))
+        start = time.perf_counter()
+        frame = images.quantize(saturated(rendering.colors, state.saturation))
+        encoded = chosen.encode(
+            frame, state.size.columns, picture_rows(state.size, state.output), state.size.cell_size
+        )
+        stage_ms = rendering.stage_ms | {"encode": 1e3 * (time.perf_counter() - start)}
+        return Drawn(frame, encoded, rendering.visible, stage_ms)
+
+    def again(self, state: ViewerState, drawn: Drawn) -> Drawn:
+        """Encode a frame once more, for a screen whose text changed and whose picture did not."""
+        chosen = self.choose(state)
+        encoded = chosen.encode(
+            drawn.frame, state.size.columns, picture_rows(state.size, state.output), state.size.cell_size
+        )
+        return replace(drawn, encoded=encoded)
+
+    def choose(self, state: ViewerState) -> Encoder:
+        """Return the encoder of the state's output."""
+        if self.encoder is None or self.encoder.name != state.output:
+            self.encoder = encoder(state.output)
+        return self.encoder
+
+    def render(self, state: ViewerState, width: int, height: int) -> Rendering:
+        """Render the state's view at a size in pixels."""
+        from tsplat.raster import (
+            rasterize,
+        )  # half a second of Numba that nobody waits for before a notice is shown
+
+        scene = self.scenes.variant(state.kept, state.raw_opacity)
+        return rasterize(scene, view_camera(state, width, height), replace(state.options, depths=False))
+
+    def save(self, state: ViewerState, path: Path) -> Path:
+        """Save the view as a picture of at least 1920 pixels.
+
+        Raises
+        ------
+        SaveError
+            The folder cannot be written.
+        """
+        width, height = screen_pixels(state.size, state.output)
+        enlarge = max(1.0, SAVED_SIDE / max(width, height))
+        width, height = (min(MAX_SIDE, round(side * enlarge)) for side in (width, height))
+        rendering = self.render(state, width, height)
+        return images.save(path, saturated(rendering.colors, state.saturation), rendering.alphas)
+
+
+def picture_rows(size: TerminalSize, output: str) -> int:
+    """Return the text rows that the picture covers; sixel in the last one would scroll the screen."""
+    return max(1, size.rows - (output == "sixel"))
+
+
+def screen_pixels(size: TerminalSize, output: str) -> tuple[int, int]:
+    """Return width and height of the picture in screen pixels; their ratio is what a person sees."""
+    cell_width, cell_height = size.cell_size if all(size.cell_size) else FALLBACK_CELL
+    return size.columns * cell_width, picture_rows(size, output) * cell_height
+
+
+def frame_size(state: ViewerState, chosen: Encoder) -> tuple[int, int]:
+    """Return width and height of the frame to render, in pixels."""
+    across, down = chosen.pixels_per_cell(*state.size.cell_size)
+    width = round(state.size.columns * across * state.density)
+    height = round(picture_rows(state.size, state.output) * down * state.density)
+    return min(max(width, 1), MAX_SIDE), min(max(height, 1), MAX_SIDE)
+
+
+def view_camera(state: ViewerState, width: int, height: int) -> Camera:
+    """Return the state's camera for a frame whose pixels need not be square on screen."""
+    screen_width, screen_height = (min(side, MAX_SIDE) for side in screen_pixels(state.size, state.output))
+    return state.pose.camera(screen_width, screen_height, state.fov_y).resized(width, height)
+
+
+def saturated(colors: F32, saturation: float) -> F32:
+    """Return colours moved away from their grey by a factor: 0 is grey, 1 changes nothing."""
+    if saturation == 1.0:
+        return colors
+    grey = (colors @ LUMA)[..., None]
+    moved: F32 = (grey + saturation * (colors - grey)).astype(np.float32, copy=False)
+    return moved
+
+
+def free_path(folder: Path, name: str) -> Path:
+    """Return ``name-001.png`` in a folder, or the first number after it that no file has."""
+    number = 1
+    while (path := folder / f"{name}-{number:03d}.png").exists():
+        number += 1
+    return path

@@ -1,0 +1,104 @@
+"""Text at fixed places on the screen, clipped to it, and the bytes that put it there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+STYLES = {
+    "label": "0;38;5;250;48;5;235",
+    "value": "0;1;38;5;231;48;5;235",
+    "selected": "0;1;38;5;231;48;5;25",
+    "title": "0;1;38;5;153;48;5;235",
+    "thumb": "0;38;5;110;48;5;235",
+    "fact": "0;38;5;246;48;5;233",
+    "figure": "0;38;5;252;48;5;233",
+    "badge": "0;1;38;5;231;48;5;235",
+    "message": "0;1;38;5;231;48;5;25",
+}
+"""Colours of the 256-colour palette above the 16 that themes change, each with its own background."""
+
+Piece = tuple[str, str]
+"""Text and the name of its style."""
+
+
+class Span(NamedTuple):
+    """A run of text in one style; row and column count from 0 at the top left."""
+
+    row: int
+    column: int
+    text: str
+    style: str
+
+
+def printable(text: str) -> str:
+    """Return ``text`` with every control character and line end shown as a question mark."""
+    return "".join(character if character.isprintable() else "?" for character in text)
+
+
+def width_of(text: str) -> int:
+    """Return how many cells a text covers."""
+    if text.isascii():
+        return len(text)
+    from rich.cells import cell_len
+
+    return cell_len(text)
+
+
+def fitted(text: str, width: int) -> str:
+    """Return ``text`` cut or padded to exactly ``width`` cells; a cut one ends in an ellipsis."""
+    if text.isascii():
+        return f"{text:<{width}}" if len(text) <= width else f"{text[: max(0, width - 1)]}…"[:width]
+    from rich.cells import cell_len, set_cell_size
+
+    if cell_len(text) <= width:
+        return set_cell_size(text, width)
+    return set_cell_size(text, max(0, width - 1)) + "…"[:width]
+
+
+def line(row: int, column: int, pieces: Sequence[Piece], width: int) -> list[Span]:
+    """Return the spans of one line of a panel, cut and filled to ``width`` cells in the last style."""
+    spans = []
+    end = column + width
+    for index, (text, style) in enumerate(pieces):
+        room = end - column
+        cells = room if index == len(pieces) - 1 else min(room, width_of(printable(text)))
+        if cells > 0:
+            spans.append(Span(row, column, fitted(printable(text), cells), style))
+        column += cells
+    return spans
+
+
+def clipped(spans: Iterable[Span], columns: int, rows: int) -> list[Span]:
+    """Return what of the spans lies on a screen of this size."""
+    kept = []
+    for span in spans:
+        room = columns - span.column
+        if 0 <= span.row < rows and span.column >= 0 and room > 0:
+            text = span.text if width_of(span.text) <= room else fitted(span.text, room)
+            kept.append(span._replace(text=text))
+    return kept
+
+
+def painted(spans: Iterable[Span]) -> bytes:
+    """Return the bytes that draw the spans, colours reset at the end."""
+    parts = [f"\x1b[{row + 1};{column + 1}H\x1b[{STYLES[style]}m{text}" for row, column, text, style in spans]
+    return "".join([*parts, "\x1b[0m"]).encode() if parts else b""
+
+
+def erased(old: Iterable[Span], new: Iterable[Span]) -> bytes:
+    """Return the bytes that blank every cell that ``old`` covered and ``new`` does not."""
+    stale = _cells(old) - _cells(new)
+    # One run of cells each; a run starts where the cell on its left is not stale.
+    starts = sorted((row, column) for row, column in stale if (row, column - 1) not in stale)
+    parts = []
+    for row, column in starts:
+        end = column
+        while (row, end) in stale:
+            end += 1
+        parts.append(f"\x1b[{row + 1};{column + 1}H\x1b[{end - column}X")
+    return ("\x1b[0m" + "".join(parts)).encode() if parts else b""
+
+
+def _cells(spans: Iterable[Span]) -> set[tuple[int, int]]:
+    return {(span.row, span.column + cell) for span in spans for cell in range(width_of(span.text))}
