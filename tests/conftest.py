@@ -1,0 +1,31 @@
+"""Options and fixtures of the whole suite."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+GOLDENS = Path(__file__).parent / "goldens"
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--update-goldens", action="store_true", help="rewrite tests/goldens from what the code does now"
+    )
+
+
+@pytest.fixture
+def golden(request: pytest.FixtureRequest) -> Callable[[str, bytes], None]:
+    """Compare bytes with a file of tests/goldens; `--update-goldens` writes it instead."""
+
+    def compare(name: str, actual: bytes) -> None:
+        path = GOLDENS / name
+        if request.config.getoption("--update-goldens"):
+            GOLDENS.mkdir(exist_ok=True)
+            path.write_bytes(actual)
+        assert path.exists(), f"{path} is missing; run pytest --update-goldens and look at what it writes"
+        assert actual == path.read_bytes()
+
+    return compare
