@@ -78,7 +78,12 @@ def _numba_cache_dir(folder: Path | None) -> Iterator[None]:
         numba.config.CACHE_DIR = before
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+def device(function: Callable[..., Any]) -> Any:
+    """Make a word for kernels out of LLVM instructions; see `numba.extending.intrinsic`."""
+    return intrinsic(function)
+
+
+@device
 def _atomic_claim(typingctx: Any, counter: Any) -> Any:
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         pointer = context.make_array(signature.args[0])(context, builder, args[0]).data
@@ -87,11 +92,10 @@ def _atomic_claim(typingctx: Any, counter: Any) -> Any:
     return types.int64(counter), codegen
 
 
-if JIT:
-    claim = _atomic_claim
-else:
+def _plain_claim(counter: Any) -> int:
+    counter[0] += 1
+    return int(counter[0]) - 1
 
-    def claim(counter: Any) -> int:
-        """Take the next number from a shared int64 [1] counter; threads never get the same one."""
-        counter[0] += 1
-        return int(counter[0]) - 1
+
+claim: Any = _atomic_claim if JIT else _plain_claim
+"""``claim(counter)`` takes the next number of a shared int64 [1] array; no two threads get the same."""

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
-from numba.core.datamodel import PrimitiveModel
+from numba.core.datamodel.models import PrimitiveModel
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
-from numba.extending import intrinsic, lower_builtin, register_model
+from numba.extending import lower_builtin, register_model
 
-from tsplat._jit import JIT
+from tsplat._jit import JIT, device
 
 LANES = 8
 _FLOAT, _INT = ir.FloatType(), ir.IntType(32)
@@ -77,16 +77,18 @@ def _call(builder: Any, name: str, result: Any, args: list[Any]) -> Any:
     return builder.call(cgutils.get_or_insert_function(builder.module, function_type, name), args)
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@device
 def _splat(typingctx: Any, value: Any) -> Any:
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         one = builder.insert_element(ir.Constant(_VECTOR, ir.Undefined), args[0], ir.Constant(_INT, 0))
-        return builder.shuffle_vector(one, ir.Constant(_VECTOR, ir.Undefined), ir.Constant(_INT_VECTOR, [0] * LANES))
+        return builder.shuffle_vector(
+            one, ir.Constant(_VECTOR, ir.Undefined), ir.Constant(_INT_VECTOR, [0] * LANES)
+        )
 
     return float8(types.float32), codegen
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@device
 def _load(typingctx: Any, array: Any, offset: Any) -> Any:
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return builder.load(_vector_pointer(context, builder, sig.args[0], *args), align=4)
@@ -94,7 +96,7 @@ def _load(typingctx: Any, array: Any, offset: Any) -> Any:
     return float8(array, types.int64), codegen
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@device
 def _store(typingctx: Any, array: Any, offset: Any, value: Any) -> Any:
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         builder.store(args[2], _vector_pointer(context, builder, sig.args[0], *args[:2]), align=4)
@@ -103,7 +105,7 @@ def _store(typingctx: Any, array: Any, offset: Any, value: Any) -> Any:
     return types.void(array, types.int64, float8), codegen
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@device
 def _fma(typingctx: Any, x: Any, y: Any, z: Any) -> Any:
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return _call(builder, f"llvm.fma.v{LANES}f32", _VECTOR, list(args))
@@ -111,7 +113,7 @@ def _fma(typingctx: Any, x: Any, y: Any, z: Any) -> Any:
     return float8(float8, float8, float8), codegen
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@device
 def _minimum(typingctx: Any, x: Any, y: Any) -> Any:
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         # One instruction, where llvm.minnum needs three to get nan right.
@@ -120,7 +122,15 @@ def _minimum(typingctx: Any, x: Any, y: Any) -> Any:
     return float8(float8, float8), codegen
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@device
+def _maximum(typingctx: Any, x: Any, y: Any) -> Any:
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return builder.select(builder.fcmp_ordered(">", *args), *args)
+
+    return float8(float8, float8), codegen
+
+
+@device
 def _where_at_least(typingctx: Any, x: Any, limit: Any, value: Any) -> Any:
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return builder.select(builder.fcmp_ordered(">=", args[0], args[1]), args[2], _constant(0.0))
@@ -128,7 +138,7 @@ def _where_at_least(typingctx: Any, x: Any, limit: Any, value: Any) -> Any:
     return float8(float8, float8, float8), codegen
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@device
 def _exp2(typingctx: Any, x: Any) -> Any:
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         magic = _constant(ROUNDING_MAGIC)
@@ -143,7 +153,7 @@ def _exp2(typingctx: Any, x: Any) -> Any:
     return float8(float8), codegen
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@device
 def _largest(typingctx: Any, x: Any) -> Any:
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return _call(builder, f"llvm.vector.reduce.fmax.v{LANES}f32", _FLOAT, list(args))
@@ -151,65 +161,82 @@ def _largest(typingctx: Any, x: Any) -> Any:
     return types.float32(float8), codegen
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@device
 def _prefetch(typingctx: Any, array: Any, offset: Any) -> Any:
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         pointer = context.make_array(sig.args[0])(context, builder, args[0]).data
         address = builder.bitcast(builder.gep(pointer, [args[1]]), ir.IntType(8).as_pointer())
         hints = [ir.Constant(_INT, value) for value in (0, 3, 1)]  # to read, keep it close, data
-        _call(builder, "llvm.prefetch.p0i8" if not _opaque_pointers() else "llvm.prefetch.p0", ir.VoidType(), [address, *hints])
+        _call(builder, "llvm.prefetch.p0", ir.VoidType(), [address, *hints])
         return context.get_dummy_value()
 
     return types.void(array, types.int64), codegen
 
 
-def _opaque_pointers() -> bool:
-    import llvmlite
+def _compiled_as(device_function: Any) -> Callable[[Callable[..., Any]], Any]:
+    """Replace a word's plain twin, which says what it means, by the instructions that do it."""
+    return lambda plain: device_function if JIT else plain
 
-    return bool(getattr(llvmlite, "opaque_pointers_enabled", True))
+
+@_compiled_as(_splat)
+def splat(value: Any) -> Any:
+    """Eight times the same float32."""
+    return np.full(LANES, value, np.float32)
 
 
-if JIT:
-    splat, load, store, fma, minimum = _splat, _load, _store, _fma, _minimum
-    where_at_least, exp2, largest, prefetch = _where_at_least, _exp2, _largest, _prefetch
-else:
+@_compiled_as(_load)
+def load(array: Any, offset: Any) -> Any:
+    """The eight values of a flat float32 array that start at ``offset``."""
+    return array[offset : offset + LANES].copy()
 
-    def splat(value: Any) -> Any:
-        """Eight times the same float32."""
-        return np.full(LANES, value, np.float32)
 
-    def load(array: Any, offset: Any) -> Any:
-        """The eight values of a flat float32 array that start at ``offset``."""
-        return array[offset : offset + LANES].copy()
+@_compiled_as(_store)
+def store(array: Any, offset: Any, value: Any) -> None:
+    """Put eight values into a flat float32 array from ``offset`` on."""
+    array[offset : offset + LANES] = value
 
-    def store(array: Any, offset: Any, value: Any) -> None:
-        """Put eight values into a flat float32 array from ``offset`` on."""
-        array[offset : offset + LANES] = value
 
-    def fma(x: Any, y: Any, z: Any) -> Any:
-        """``x * y + z``, rounded once where the processor can."""
-        return x * y + z
+@_compiled_as(_fma)
+def fma(x: Any, y: Any, z: Any) -> Any:
+    """``x * y + z``, rounded once where the processor can."""
+    return x * y + z
 
-    def minimum(x: Any, y: Any) -> Any:
-        """The smaller of two lanes; ``y`` where either is nan."""
-        return np.where(x < y, x, y)
 
-    def where_at_least(x: Any, limit: Any, value: Any) -> Any:
-        """``value`` where ``x >= limit``, else 0."""
-        return np.where(x >= limit, value, np.float32(0.0))
+@_compiled_as(_minimum)
+def minimum(x: Any, y: Any) -> Any:
+    """The smaller of two lanes; ``y`` where either is nan."""
+    return np.where(x < y, x, y)
 
-    def exp2(x: Any) -> Any:
-        """``2**x`` to a relative 2e-4 for x in [-120, 120]; anything, never a trap, elsewhere."""
-        shifted = x + np.float32(ROUNDING_MAGIC)
-        fraction = x - (shifted - np.float32(ROUNDING_MAGIC))
-        power = np.full(LANES, EXP2_CUBIC[0], np.float32)
-        for coefficient in EXP2_CUBIC[1:]:
-            power = power * fraction + np.float32(coefficient)
-        return (power.view(np.int32) + (shifted.view(np.int32) << 23)).view(np.float32)
 
-    def largest(x: Any) -> Any:
-        """The largest lane."""
-        return x.max()
+@_compiled_as(_maximum)
+def maximum(x: Any, y: Any) -> Any:
+    """The larger of two lanes; ``y`` where either is nan."""
+    return np.where(x > y, x, y)
 
-    def prefetch(array: Any, offset: Any) -> None:
-        """Ask the processor to bring the cache line of ``array[offset]`` closer; changes no value."""
+
+@_compiled_as(_where_at_least)
+def where_at_least(x: Any, limit: Any, value: Any) -> Any:
+    """``value`` where ``x >= limit``, else 0."""
+    return np.where(x >= limit, value, np.float32(0.0))
+
+
+@_compiled_as(_exp2)
+def exp2(x: Any) -> Any:
+    """``2**x`` to a relative 2e-4 for x in [-120, 120]; anything, never a trap, elsewhere."""
+    shifted = x + np.float32(ROUNDING_MAGIC)
+    fraction = x - (shifted - np.float32(ROUNDING_MAGIC))
+    power = np.full(LANES, EXP2_CUBIC[0], np.float32)
+    for coefficient in EXP2_CUBIC[1:]:
+        power = power * fraction + np.float32(coefficient)
+    return (power.view(np.int32) + (shifted.view(np.int32) << 23)).view(np.float32)
+
+
+@_compiled_as(_largest)
+def largest(x: Any) -> Any:
+    """The largest lane."""
+    return x.max()
+
+
+@_compiled_as(_prefetch)
+def prefetch(array: Any, offset: Any) -> None:
+    """Ask the processor to bring the cache line of ``array[offset]`` closer; changes no value."""

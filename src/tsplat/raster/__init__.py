@@ -38,7 +38,9 @@ def rasterize(gaussians: Gaussians, camera: Camera, options: RenderOptions) -> R
     """
     threads = options.worker_count
     scene = prepared(gaussians, threads)
-    colors, alphas, depths = _images(camera, options.depths)
+    shape = (camera.height, camera.width)
+    colors, alphas = np.empty((*shape, 3), np.float32), np.empty(shape, np.float32)
+    depths = np.empty(shape, np.float32) if options.depths else None
     clock = [time.perf_counter()]
     with scene.lock:
         visible = project(scene, camera, options, TILE)
@@ -50,14 +52,8 @@ def rasterize(gaussians: Gaussians, camera: Camera, options: RenderOptions) -> R
         clock.append(time.perf_counter())
         on_threads(threads, composite_tiles, np.zeros(1, np.int64), tile_columns, isect_offsets, scene.isect_keys,
                    scene.records, scene.records.reshape(-1), np.asarray(options.background, np.float32),
-                   options.depths, colors, alphas, depths)  # fmt: skip
+                   colors, alphas, depths)  # fmt: skip
         clock.append(time.perf_counter())
     stages = ("project", "sh", "bin", "composite")
     stage_ms = {name: 1e3 * (end - start) for name, start, end in zip(stages, clock, clock[1:], strict=False)}
-    return Rendering(colors, alphas, depths if options.depths else None, visible, stage_ms)
-
-
-def _images(camera: Camera, with_depths: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    shape = (camera.height, camera.width)
-    colors, alphas = np.empty((*shape, 3), np.float32), np.empty(shape, np.float32)
-    return colors, alphas, np.empty(shape if with_depths else (1, 1), np.float32)
+    return Rendering(colors, alphas, depths, visible, stage_ms)

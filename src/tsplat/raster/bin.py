@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from tsplat._jit import kernel
-from tsplat.raster.prepare import BLOCK, DEPTH, Prepared
+from tsplat.raster import record as col
+from tsplat.raster.prepare import BLOCK, Prepared
 from tsplat.raster.workers import on_threads
 
 
@@ -30,8 +31,10 @@ def bin_tiles(scene: Prepared, tile_columns: int, tile_count: int, threads: int)
     cursors = np.ascontiguousarray((ends - counts.T.ravel()).reshape(tile_count, threads).T)
     isect_offsets = np.append(cursors[0], ends[-1:])
     isect_keys = scene.room_for(int(isect_offsets[-1]))
-    on_threads(threads, _scatter, first_blocks, tile_columns, scene.tiles, scene.visible, scene.records.view(np.uint32),
-               cursors, isect_keys)  # fmt: skip
+    record_bits = scene.records.view(np.uint32)
+    on_threads(
+        threads, _scatter, first_blocks, tile_columns, scene.tiles, scene.visible, record_bits, cursors, isect_keys
+    )
     return isect_offsets
 
 
@@ -44,7 +47,7 @@ def _shares(visible: npt.NDArray[np.int32], threads: int) -> npt.NDArray[np.int6
 
 
 @kernel
-def _count(worker, first_blocks, tile_columns, tiles, visible, counts):  # type: ignore[no-untyped-def]
+def _count(worker, first_blocks, tile_columns, tiles, visible, counts):
     for block in range(first_blocks[worker], first_blocks[worker + 1]):
         for record in range(block * BLOCK, block * BLOCK + visible[block]):
             r = np.uint64(record)
@@ -55,11 +58,11 @@ def _count(worker, first_blocks, tile_columns, tiles, visible, counts):  # type:
 
 
 @kernel
-def _scatter(worker, first_blocks, tile_columns, tiles, visible, record_bits, cursors, isect_keys):  # type: ignore[no-untyped-def]
+def _scatter(worker, first_blocks, tile_columns, tiles, visible, record_bits, cursors, isect_keys):
     for block in range(first_blocks[worker], first_blocks[worker + 1]):
         for record in range(block * BLOCK, block * BLOCK + visible[block]):
             r = np.uint64(record)
-            key = (np.uint64(record_bits[r, DEPTH]) << np.uint64(32)) | r
+            key = (np.uint64(record_bits[r, col.DEPTH]) << np.uint64(32)) | r
             left, right = np.int64(tiles[r, 0]), np.int64(tiles[r, 2])
             for row in range(np.int64(tiles[r, 1]), np.int64(tiles[r, 3]) + 1):
                 for tile in range(row * tile_columns + left, row * tile_columns + right + 1):

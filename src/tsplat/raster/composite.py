@@ -11,10 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from tsplat._jit import claim, kernel
-from tsplat._lanes import exp2, fma, largest, load, minimum, prefetch, splat, store, where_at_least
-from tsplat.raster.prepare import (
-    BLUE, BOTTOM, CONIC_A, CONIC_B, CONIC_C, DEPTH, GREEN, LEFT, LOG2_CUT, LOG2_OPACITY, RECORD, RED, RIGHT, TOP, X, Y
-)  # fmt: skip
+from tsplat._lanes import exp2, fma, largest, load, maximum, minimum, prefetch, splat, store, where_at_least
+from tsplat.raster import record as col
 from tsplat.raster.sort import MAX_BUCKETS, into_buckets, sort_bucket
 from tsplat.rendering import ALPHA_MAX, TRANSMITTANCE_MIN
 
@@ -34,13 +32,16 @@ CELL = CHANNELS * 8
 LANE_X = np.arange(8, dtype=np.float32) % CELL_WIDTH
 LANE_Y = (np.arange(8) // CELL_WIDTH).astype(np.float32)
 
+DARK = 1e-20
+"""Transmittance falls no lower: denormal numbers would take three times as long as others."""
+
 CHECK_EVERY = 32
 """Splats between two looks at whether a tile still lets light through."""
 
 
 @kernel
 def composite_tiles(worker, counter, tile_columns, isect_offsets, isect_keys, records, flat_records, background,
-                    with_depths, colors, alphas, depths):  # type: ignore[no-untyped-def]  # fmt: skip
+                    colors, alphas, depths):  # fmt: skip
     """Draw tiles until none is left; tiles own disjoint pixels, so workers never meet."""
     tile = np.empty(CELL_COLUMNS * CELL_ROWS * CELL, np.float32)
     most = 1
@@ -58,20 +59,20 @@ def composite_tiles(worker, counter, tile_columns, isect_offsets, isect_keys, re
         first, end = isect_offsets[t], isect_offsets[t + 1]
         if end > first:
             buckets = into_buckets(isect_keys, first, end, keys, bucket_ends)
-            _blend_buckets(tile, left, top, keys, bucket_ends, buckets, records, flat_records, with_depths)
-        _write(tile, left, top, background, with_depths, colors, alphas, depths)
+            _blend_buckets(tile, left, top, keys, bucket_ends, buckets, records, flat_records, depths)
+        _write(tile, left, top, background, colors, alphas, depths)
 
 
 @kernel
-def _blend_buckets(tile, left, top, keys, bucket_ends, buckets, records, flat_records, with_depths):  # type: ignore[no-untyped-def]
+def _blend_buckets(tile, left, top, keys, bucket_ends, buckets, records, flat_records, depths):
     first, since_check = 0, 0
     for bucket in range(buckets):
         end = bucket_ends[bucket]
         sort_bucket(keys, first, end)
         for i in range(first, end):
-            prefetch(flat_records, np.int64(keys[np.uint64(i)] & np.uint64(0xFFFFFFFF)) * RECORD)
+            prefetch(flat_records, np.int64(keys[np.uint64(i)] & np.uint64(0xFFFFFFFF)) * col.LENGTH)
         for i in range(first, end):
-            _blend(tile, left, top, records[keys[np.uint64(i)] & np.uint64(0xFFFFFFFF)], with_depths)
+            _blend(tile, left, top, records, keys[np.uint64(i)] & np.uint64(0xFFFFFFFF), depths)
         since_check += end - first
         if since_check >= CHECK_EVERY:
             since_check = 0
@@ -81,39 +82,60 @@ def _blend_buckets(tile, left, top, keys, bucket_ends, buckets, records, flat_re
 
 
 @kernel
-def _blend(tile, left, top, record, with_depths):  # type: ignore[no-untyped-def]
+def _blend(tile, left, top, records, r, depths):
     """Blend one splat into the cells of a tile that its box touches."""
-    first_column = max(np.int64(record[LEFT]) - left, 0) // CELL_WIDTH
-    last_column = min(np.int64(record[RIGHT]) - left, TILE - 1) // CELL_WIDTH
-    first_row = max(np.int64(record[TOP]) - top, 0) // CELL_HEIGHT
-    last_row = min(np.int64(record[BOTTOM]) - top, TILE - 1) // CELL_HEIGHT
-    a, b, c = splat(record[CONIC_A]), splat(record[CONIC_B]), splat(record[CONIC_C])
-    log2_opacity, log2_cut = splat(record[LOG2_OPACITY]), splat(record[LOG2_CUT])
-    red, green, blue, depth = splat(record[RED]), splat(record[GREEN]), splat(record[BLUE]), splat(record[DEPTH])
-    alpha_max = splat(np.float32(ALPHA_MAX))
+    first_column = max(np.int64(records[r, col.LEFT]) - left, 0) // CELL_WIDTH
+    last_column = min(np.int64(records[r, col.RIGHT]) - left, TILE - 1) // CELL_WIDTH
+    first_row = max(np.int64(records[r, col.TOP]) - top, 0) // CELL_HEIGHT
+    last_row = min(np.int64(records[r, col.BOTTOM]) - top, TILE - 1) // CELL_HEIGHT
+    a, b, c = splat(records[r, col.CONIC_A]), splat(records[r, col.CONIC_B]), splat(records[r, col.CONIC_C])
+    log2_opacity, log2_cut = splat(records[r, col.LOG2_OPACITY]), splat(records[r, col.LOG2_CUT])
+    red, green, blue, depth = (
+        splat(records[r, col.RED]),
+        splat(records[r, col.GREEN]),
+        splat(records[r, col.BLUE]),
+        splat(records[r, col.DEPTH]),
+    )
     step_x, step_y = splat(np.float32(CELL_WIDTH)), splat(np.float32(CELL_HEIGHT))
-    first_dx = load(LANE_X, 0) - splat(record[X] - np.float32(left + first_column * CELL_WIDTH))
-    dy = load(LANE_Y, 0) - splat(record[Y] - np.float32(top + first_row * CELL_HEIGHT))
-    for row in range(first_row, last_row + 1):
-        b_dy, constant, dx = b * dy, fma(c * dy, dy, log2_opacity), first_dx
-        at = (row * CELL_COLUMNS + first_column) * CELL
-        for _ in range(first_column, last_column + 1):
-            log2_alpha = fma(fma(a, dx, b_dy), dx, constant)
-            alpha = where_at_least(log2_alpha, log2_cut, minimum(exp2(log2_alpha), alpha_max))
-            light = load(tile, at)
-            weight = alpha * light
-            store(tile, at, light - weight)
-            store(tile, at + 8, fma(weight, red, load(tile, at + 8)))
-            store(tile, at + 16, fma(weight, green, load(tile, at + 16)))
-            store(tile, at + 24, fma(weight, blue, load(tile, at + 24)))
-            if with_depths:
-                store(tile, at + 32, fma(weight, depth, load(tile, at + 32)))
-            dx, at = dx + step_x, at + CELL
+    first_dx = load(LANE_X, 0) - splat(records[r, col.X] - np.float32(left + first_column * CELL_WIDTH))
+    dy = load(LANE_Y, 0) - splat(records[r, col.Y] - np.float32(top + first_row * CELL_HEIGHT))
+    columns = last_column - first_column + 1
+    at = (first_row * CELL_COLUMNS + first_column) * CELL
+    # A loop over the columns would mispredict its end once a row; this costs one misprediction a splat.
+    for _ in range(first_row, last_row + 1):
+        b_dy, constant = b * dy, fma(c * dy, dy, log2_opacity)
+        dx = first_dx
+        _blend_cell(tile, at, dx, a, b_dy, constant, log2_cut, red, green, blue, depth, depths)
+        if columns > 1:
+            dx = dx + step_x
+            _blend_cell(tile, at + CELL, dx, a, b_dy, constant, log2_cut, red, green, blue, depth, depths)
+        if columns > 2:
+            dx = dx + step_x
+            _blend_cell(tile, at + 2 * CELL, dx, a, b_dy, constant, log2_cut, red, green, blue, depth, depths)
+        if columns > 3:
+            dx = dx + step_x
+            _blend_cell(tile, at + 3 * CELL, dx, a, b_dy, constant, log2_cut, red, green, blue, depth, depths)
         dy = dy + step_y
+        at += CELL_COLUMNS * CELL
 
 
 @kernel
-def _clear(tile, width, height):  # type: ignore[no-untyped-def]
+def _blend_cell(tile, at, dx, a, b_dy, constant, log2_cut, red, green, blue, depth, depths):
+    """Blend one splat into eight pixels."""
+    log2_alpha = fma(fma(a, dx, b_dy), dx, constant)
+    alpha = where_at_least(log2_alpha, log2_cut, minimum(exp2(log2_alpha), splat(np.float32(ALPHA_MAX))))
+    light = load(tile, at)
+    weight = alpha * light
+    store(tile, at, maximum(light - weight, splat(np.float32(DARK))))
+    store(tile, at + 8, fma(weight, red, load(tile, at + 8)))
+    store(tile, at + 16, fma(weight, green, load(tile, at + 16)))
+    store(tile, at + 24, fma(weight, blue, load(tile, at + 24)))
+    if depths is not None:
+        store(tile, at + 32, fma(weight, depth, load(tile, at + 32)))
+
+
+@kernel
+def _clear(tile, width, height):
     """Full light, no colour; no light in pixels outside the image, so that they never keep a tile open."""
     zero, full = splat(np.float32(0.0)), splat(np.float32(1.0))
     for at in range(0, len(tile), 8):
@@ -129,17 +151,16 @@ def _clear(tile, width, height):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _most_light(tile):  # type: ignore[no-untyped-def]
+def _most_light(tile):
     """Return the largest transmittance of a tile."""
     most = load(tile, 0)
     for cell in range(1, CELL_COLUMNS * CELL_ROWS):
-        light = load(tile, cell * CELL)
-        most = splat(np.float32(0.0)) - minimum(splat(np.float32(0.0)) - most, splat(np.float32(0.0)) - light)
+        most = maximum(most, load(tile, cell * CELL))
     return largest(most)
 
 
 @kernel
-def _write(tile, left, top, background, with_depths, colors, alphas, depths):  # type: ignore[no-untyped-def]
+def _write(tile, left, top, background, colors, alphas, depths):
     """Put a tile's pixels into the image, with the background behind them."""
     height, width = alphas.shape
     for row in range(min(TILE, height - top)):
@@ -151,5 +172,5 @@ def _write(tile, left, top, background, with_depths, colors, alphas, depths):  #
                 colors[y, x, channel] = tile[at + 8 * (channel + 1)] + light * background[channel]
             alpha = np.float32(1.0) - light
             alphas[y, x] = alpha
-            if with_depths:
+            if depths is not None:
                 depths[y, x] = tile[at + 32] / max(alpha, np.float32(1e-10))

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tsplat._jit import claim, kernel
+from tsplat.raster import record
 from tsplat.raster.workers import on_threads
 from tsplat.scene import Gaussians
 
@@ -21,14 +22,6 @@ F32 = npt.NDArray[np.float32]
 
 BLOCK = 512
 """Splats projected at a time: their intermediate results stay in the first-level cache."""
-
-RECORD = 16
-"""float32 values in the record of a visible splat: 64 bytes, one cache line."""
-
-X, Y, CONIC_A, CONIC_B, CONIC_C, LOG2_OPACITY, LOG2_CUT, RED, GREEN, BLUE, DEPTH, LEFT, TOP, RIGHT, BOTTOM = range(15)
-"""Columns of a record. x, y count from the first pixel's centre; the conic is folded so that
-``log2(alpha) = a dx^2 + b dx dy + c dy^2 + log2_opacity``, drawn where it is at least ``log2_cut``;
-left, top, right, bottom are the first and last pixel whose centre may be drawn."""
 
 
 @dataclass(eq=False, slots=True)
@@ -97,7 +90,7 @@ def _prepare(gaussians: Gaussians, threads: int) -> Prepared:
         means,
         covars,
         log2_opacities,
-        records=np.empty((n, RECORD), np.float32),
+        records=np.empty((n, record.LENGTH), np.float32),
         ids=np.empty(n, np.int32),
         tiles=np.empty((n, 4), np.uint16),
         visible=np.empty(-(-n // BLOCK), np.int32),
@@ -106,7 +99,7 @@ def _prepare(gaussians: Gaussians, threads: int) -> Prepared:
 
 
 @kernel
-def _prepare_blocks(worker, counter, means, quats, scales, opacities, out_means, covars, log2_opacities):  # type: ignore[no-untyped-def]
+def _prepare_blocks(worker, counter, means, quats, scales, opacities, out_means, covars, log2_opacities):
     n = len(means)
     while True:
         start = claim(counter) * BLOCK

@@ -11,9 +11,8 @@ import numpy as np
 
 from tsplat._jit import claim, kernel
 from tsplat.camera import Camera
-from tsplat.raster.prepare import (
-    BLOCK, BOTTOM, CONIC_A, CONIC_B, CONIC_C, DEPTH, LEFT, LOG2_CUT, LOG2_OPACITY, RIGHT, TOP, X, Y, Prepared
-)  # fmt: skip
+from tsplat.raster import record as col
+from tsplat.raster.prepare import BLOCK, Prepared
 from tsplat.raster.workers import on_threads
 from tsplat.rendering import JACOBIAN_LIMIT, RenderOptions
 
@@ -46,7 +45,7 @@ def project(scene: Prepared, camera: Camera, options: RenderOptions, tile_size: 
 
 @kernel
 def _project_blocks(worker, counter, numbers, width, height, tile_size, means, covars, log2_opacities,
-                    records, ids, tiles, visible):  # type: ignore[no-untyped-def]  # fmt: skip
+                    records, ids, tiles, visible):  # fmt: skip
     # One row for each quantity of a block: what the vector loop leaves for the scalar one.
     scratch = np.empty((10, BLOCK), np.float32)
     n = log2_opacities.shape[0]
@@ -57,11 +56,13 @@ def _project_blocks(worker, counter, numbers, width, height, tile_size, means, c
             return
         count = min(BLOCK, n - start)
         _project_block(start, count, numbers, means, covars, log2_opacities, scratch)
-        visible[block] = _keep_visible(start, count, numbers, width, height, tile_size, scratch, records, ids, tiles)
+        visible[block] = _keep_visible(
+            start, count, numbers, width, height, tile_size, scratch, records, ids, tiles
+        )
 
 
 @kernel
-def _project_block(start, count, numbers, means, covars, log2_opacities, scratch):  # type: ignore[no-untyped-def]
+def _project_block(start, count, numbers, means, covars, log2_opacities, scratch):
     """Branch-free and over plain arrays, so that LLVM makes vectors of it."""
     r00, r01, r02, tx, r10, r11, r12, ty, r20, r21, r22, tz = numbers[:12]
     fx, fy, cx, cy, u_min, u_max, v_min, v_max, added, reference = numbers[12:22]
@@ -100,7 +101,7 @@ def _project_block(start, count, numbers, means, covars, log2_opacities, scratch
 
 
 @kernel
-def _log2(x):  # type: ignore[no-untyped-def]
+def _log2(x):
     """Base-2 logarithm to 2e-6 for normal positive x: atanh series about 1, the exponent from the bits."""
     bits = np.float32(x).view(np.int32)
     shifted = bits - np.int32(0x3F3504F3)  # so that the mantissa lies in [sqrt(1/2), sqrt(2))
@@ -113,7 +114,7 @@ def _log2(x):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _keep_visible(start, count, numbers, width, height, tile_size, scratch, records, ids, tiles):  # type: ignore[no-untyped-def]
+def _keep_visible(start, count, numbers, width, height, tile_size, scratch, records, ids, tiles):
     """Write the record of each splat that covers the centre of a pixel; return how many there are."""
     near, far, log2_alpha_min, squared_extent = numbers[22], numbers[23], numbers[24], numbers[25]
     fold = np.float32(-0.5 * LOG2_E)
@@ -129,14 +130,14 @@ def _keep_visible(start, count, numbers, width, height, tile_size, scratch, reco
         if not (left <= right and top <= bottom):
             continue
         log2_opacity = scratch[6, j]
-        records[kept, X], records[kept, Y], records[kept, DEPTH] = x, y, depth
-        records[kept, CONIC_A] = fold * scratch[3, j]
-        records[kept, CONIC_B] = -(fold + fold) * scratch[4, j]
-        records[kept, CONIC_C] = fold * scratch[5, j]
-        records[kept, LOG2_OPACITY] = log2_opacity
-        records[kept, LOG2_CUT] = max(log2_alpha_min, log2_opacity + fold * squared_extent)
-        records[kept, LEFT], records[kept, TOP] = left, top
-        records[kept, RIGHT], records[kept, BOTTOM] = right, bottom
+        records[kept, col.X], records[kept, col.Y], records[kept, col.DEPTH] = x, y, depth
+        records[kept, col.CONIC_A] = fold * scratch[3, j]
+        records[kept, col.CONIC_B] = -(fold + fold) * scratch[4, j]
+        records[kept, col.CONIC_C] = fold * scratch[5, j]
+        records[kept, col.LOG2_OPACITY] = log2_opacity
+        records[kept, col.LOG2_CUT] = max(log2_alpha_min, log2_opacity + fold * squared_extent)
+        records[kept, col.LEFT], records[kept, col.TOP] = left, top
+        records[kept, col.RIGHT], records[kept, col.BOTTOM] = right, bottom
         ids[kept] = start + j
         tiles[kept, 0], tiles[kept, 1] = np.int64(left) // tile_size, np.int64(top) // tile_size
         tiles[kept, 2], tiles[kept, 3] = np.int64(right) // tile_size, np.int64(bottom) // tile_size

@@ -29,7 +29,9 @@ def rasterize(gaussians: Gaussians, camera: Camera, options: RenderOptions) -> R
     conics, opacities = dilate(covars2d, gaussians.opacities, camera, options)
     colors = evaluate_sh(gaussians.sh, gaussians.means - camera.eye, options.sh_degree)
     order = sort(depths, options)
-    return composite(means2d[order], conics[order], opacities[order], colors[order], depths[order], camera, options)
+    return composite(
+        means2d[order], conics[order], opacities[order], colors[order], depths[order], camera, options
+    )
 
 
 def covariances(quats: npt.ArrayLike, scales: npt.ArrayLike) -> F64:
@@ -77,7 +79,9 @@ def dilate(covars2d: F64, opacities: npt.ArrayLike, camera: Camera, options: Ren
     with np.errstate(all="ignore"):
         ratio = _determinant(covars2d + reference * np.eye(2)) / _determinant(widened)
         a, b, d = widened[:, 0, 0], widened[:, 0, 1], widened[:, 1, 1]
-        conics = np.stack([np.stack([d, -b], -1), np.stack([-b, a], -1)], -2) / _determinant(widened)[:, None, None]
+        conics = (
+            np.stack([np.stack([d, -b], -1), np.stack([-b, a], -1)], -2) / _determinant(widened)[:, None, None]
+        )
         return conics, np.asarray(opacities, np.float64) * np.sqrt(np.maximum(ratio, 0.0))
 
 
@@ -97,7 +101,8 @@ def evaluate_sh(sh: npt.ArrayLike, directions: npt.ArrayLike, degree: int) -> F6
     directions = np.asarray(directions, np.float64)
     basis = sh_basis(directions / np.maximum(np.linalg.norm(directions, axis=1, keepdims=True), 1e-30))
     used = min(SH_COEFFICIENTS[degree], coefficients.shape[1])
-    return np.maximum(0.5 + np.einsum("nk,nkc->nc", basis[:, :used], coefficients[:, :used]), 0.0)
+    colors: F64 = np.maximum(0.5 + np.einsum("nk,nkc->nc", basis[:, :used], coefficients[:, :used]), 0.0)
+    return colors
 
 
 def sh_basis(directions: F64) -> F64:
@@ -160,7 +165,9 @@ def composite(
 def _alphas(means2d: F64, conics: F64, opacities: F64, pixels: F64, options: RenderOptions) -> F64:
     """Return what each splat covers of each pixel, [splats, pixels] (eq. 4)."""
     dx, dy = pixels.T[:, None, :] - means2d.T[:, :, None]
-    squared = conics[:, 0, 0, None] * dx * dx + 2 * conics[:, 0, 1, None] * dx * dy + conics[:, 1, 1, None] * dy * dy
+    squared = (
+        conics[:, 0, 0, None] * dx * dx + 2 * conics[:, 0, 1, None] * dx * dy + conics[:, 1, 1, None] * dy * dy
+    )
     alphas = opacities[:, None] * np.exp(-0.5 * squared)
     seen = (alphas >= options.alpha_min) & (squared <= options.sigma_extent**2)
     return np.where(seen, np.minimum(alphas, ALPHA_MAX), 0.0)

@@ -11,7 +11,8 @@ import numpy as np
 
 from tsplat._jit import claim, kernel
 from tsplat.camera import Camera
-from tsplat.raster.prepare import BLOCK, BLUE, GREEN, RED, Prepared
+from tsplat.raster import record as col
+from tsplat.raster.prepare import BLOCK, Prepared
 from tsplat.raster.workers import on_threads
 from tsplat.rendering import RenderOptions
 from tsplat.scene import SH_COEFFICIENTS, Gaussians
@@ -21,11 +22,12 @@ def color_visible(scene: Prepared, gaussians: Gaussians, camera: Camera, options
     """Fill the colours of the ``records`` that `project` left in a prepared scene."""
     coefficients = min(SH_COEFFICIENTS[options.sh_degree], gaussians.sh.shape[1])
     on_threads(options.worker_count, _color_blocks, np.zeros(1, np.int64), coefficients,
-               camera.eye.astype(np.float32), scene.means, gaussians.sh, scene.ids, scene.visible, scene.records)  # fmt: skip
+               camera.eye.astype(np.float32), scene.means, gaussians.sh, scene.ids, scene.visible,
+               scene.records)  # fmt: skip
 
 
 @kernel
-def _color_blocks(worker, counter, coefficients, eye, means, sh, ids, visible, records):  # type: ignore[no-untyped-def]
+def _color_blocks(worker, counter, coefficients, eye, means, sh, ids, visible, records):
     basis = np.empty(16, np.float32)
     basis[0] = np.float32(0.28209479177387814)
     while True:
@@ -43,13 +45,13 @@ def _color_blocks(worker, counter, coefficients, eye, means, sh, ids, visible, r
                 green += weight * sh[i, np.uint64(k), 1]
                 blue += weight * sh[i, np.uint64(k), 2]
             zero = np.float32(0.0)
-            records[record, RED], records[record, GREEN], records[record, BLUE] = (
+            records[record, col.RED], records[record, col.GREEN], records[record, col.BLUE] = (
                 max(red, zero), max(green, zero), max(blue, zero)
             )  # fmt: skip
 
 
 @kernel
-def _fill_basis(x, y, z, coefficients, basis):  # type: ignore[no-untyped-def]
+def _fill_basis(x, y, z, coefficients, basis):
     """Write the basis functions above the constant one in the direction (x, y, z) of any length."""
     scale = np.float32(1.0) / math.sqrt(max(x * x + y * y + z * z, np.float32(1e-30)))
     x, y, z = x * scale, y * scale, z * scale

@@ -18,7 +18,7 @@ SHELL_GAPS = (701, 301, 132, 57, 23, 10, 4, 1)
 
 
 @kernel
-def into_buckets(isect_keys, first, end, sorted_keys, bucket_ends):  # type: ignore[no-untyped-def]
+def into_buckets(isect_keys, first, end, sorted_keys, bucket_ends):
     """Scatter the keys ``first`` to ``end`` into depth buckets; return how many buckets there are.
 
     ``sorted_keys`` receives them from 0 on; bucket b ends at ``bucket_ends[b]``.
@@ -50,7 +50,7 @@ def into_buckets(isect_keys, first, end, sorted_keys, bucket_ends):  # type: ign
 
 
 @kernel
-def sort_bucket(keys, first, end):  # type: ignore[no-untyped-def]
+def sort_bucket(keys, first, end):
     """Sort ``keys[first:end]`` in place."""
     for gap in SHELL_GAPS:
         for i in range(first + gap, end):
