@@ -6,7 +6,26 @@ import numpy as np
 import numpy.typing as npt
 
 F32 = npt.NDArray[np.float32]
+F64 = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
+
+
+def area(scales: F32) -> F64:
+    """Return the mean of the three shadows that each ellipsoid throws along its own axes, in units of pi.
+
+    Parameters
+    ----------
+    scales : ndarray of float32, [N, 3]
+        Standard deviations in world units, linear, finite.
+
+    Returns
+    -------
+    ndarray of float64, [N]
+        In square world units, finite, 0 or more.
+    """
+    x, y, z = scales.T.astype(np.float64)
+    mean: F64 = (x * y + y * z + z * x) / 3.0
+    return mean
 
 
 def importance(scales: F32, opacities: F32) -> F32:
@@ -23,15 +42,8 @@ def importance(scales: F32, opacities: F32) -> F32:
     -------
     ndarray of float32, [N]
         In square world units, finite, 0 or more.
-
-    Notes
-    -----
-    The area is the mean of the three shadows that the ellipsoid throws along its own axes,
-    in units of pi: the products of the scales in pairs.
     """
-    x, y, z = scales.T.astype(np.float64)
-    area = (x * y + y * z + z * x) / 3.0
-    scores: F32 = np.minimum(opacities * area, np.finfo(np.float32).max).astype(np.float32)
+    scores: F32 = np.minimum(opacities * area(scales), np.finfo(np.float32).max).astype(np.float32)
     return scores
 
 
