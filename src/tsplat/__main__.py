@@ -1,0 +1,7 @@
+"""``python -m tsplat`` is the command ``tsplat``."""
+
+import sys
+
+from tsplat.cli import main
+
+sys.exit(main())

@@ -1,0 +1,300 @@
+"""Arguments to calls; prints every error as one line.
+
+Anything slow to import is imported by the command that needs it: ``--help`` and ``--version`` are quick.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import rich_click as click
+
+from tsplat import __version__
+from tsplat.arguments import BACKGROUND, POINT, UP, Triples, ViewByDefault
+from tsplat.errors import OptionError, TsplatError
+from tsplat.rendering import ANTIALIAS, TRAIN_FOCAL_GUESS, RenderOptions
+
+if TYPE_CHECKING:
+    from tsplat.camera import Camera, Vector
+    from tsplat.scene import Gaussians
+
+DEMO = "demo"
+OUTPUTS = ("kitty", "sixel", "half", "half256")
+PROGRESS_AFTER = 1.0
+"""Seconds of loading before a progress bar appears."""
+
+FOV_Y = 55.0
+SIZE = 1280, 720
+PRINTED_COLUMNS, ROWS_PER_COLUMN = 80, 0.3
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the command line; return the exit status: 0, 2 after an error, 130 after Ctrl-C."""
+    with warnings.catch_warnings():
+        warnings.showwarning = _show_warning
+        try:
+            return command.main(args, prog_name="tsplat", standalone_mode=False) or 0
+        except click.Abort:
+            return 130
+        except click.UsageError as error:
+            context = error.ctx.command_path if error.ctx else "tsplat"
+            return _fail(f"{error.format_message().rstrip('.')}; see '{context} --help'")
+        except (click.ClickException, TsplatError) as error:
+            return _fail(error.format_message() if isinstance(error, click.ClickException) else str(error))
+
+
+def _fail(text: str) -> int:
+    print(f"tsplat: {' '.join(text.split())}", file=sys.stderr)
+    return 2
+
+
+def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
+    print(f"tsplat: warning: {' '.join(str(message).split())}", file=sys.stderr)
+
+
+def _shared(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Add options that several commands share, in this order."""
+    known = {
+        "up": click.option("--up", type=UP, help="What is up: x, y, z, -x, -y, -z or three numbers. [guessed]"),
+        "antialias": click.option("--antialias", type=click.Choice(ANTIALIAS), help="How splats meet pixels."),
+        "sh-degree": click.option("--sh-degree", type=click.IntRange(0, 3), default=3, show_default=True,
+                                  help="Highest degree of spherical harmonics."),
+        "threads": click.option("--threads", type=click.IntRange(0, 1024), default=0, help="0 means all. [0]"),
+        "max-splats": click.option("--max-splats", type=click.IntRange(1), metavar="N",
+                                   help="Keep the N splats with the largest opacity times area. [all]"),
+        "raw-opacity": click.option("--raw-opacity", is_flag=True,
+                                    help="The file holds opacities from 0 to 1, not their logits."),
+        "fov-y": click.option("--fov-y", type=click.FloatRange(0, 180, True, True), default=FOV_Y,
+                              show_default=True, metavar="DEGREES", help="Vertical field of view."),
+        "train-focal": click.option("--train-focal", type=click.FloatRange(0, min_open=True), metavar="PIXELS",
+                                    help="Focal length of the training pictures, for --antialias relative. "
+                                    "[cameras.json beside the scene, else 1100]"),
+        "background": click.option("--background", type=BACKGROUND, default="black", show_default=True,
+                                   help="black, white, #rrggbb, or three numbers from 0 to 1."),
+    }  # fmt: skip
+
+    def add(function: Callable[..., Any]) -> Callable[..., Any]:
+        for name in reversed(names):
+            function = known[name](function)
+        return function
+
+    return add
+
+
+@click.group(cls=ViewByDefault, context_settings={"help_option_names": ["-h", "--help"]}, options_metavar="",
+             subcommand_metavar="[SCENE | COMMAND] [OPTIONS]")  # fmt: skip
+@click.version_option(__version__, message="tsplat %(version)s")
+def command() -> None:
+    """Show 3D Gaussian splat scenes in this terminal, on the CPU.
+
+    `tsplat` opens the demo, `tsplat SCENE` opens a scene: fly through it, press ? for the keys. Into a
+    pipe it prints one picture as text. `tsplat view --help` lists the viewer's options.
+    """
+
+
+@command.command(cls=Triples)
+@click.argument("scene", default=DEMO)
+@click.option("--output", type=click.Choice(OUTPUTS), help="How pictures are shown. [what the terminal can]")
+@_shared(
+    "up", "antialias", "sh-degree", "background", "fov-y", "train-focal", "max-splats", "raw-opacity", "threads"
+)
+@click.option("--width", type=click.IntRange(1, 1000), metavar="COLUMNS",
+              help="Columns of a printed picture. [COLUMNS, else 80]")  # fmt: skip
+@click.option("--height", type=click.IntRange(1, 1000), metavar="ROWS", help="Rows of a printed picture.")
+def view(scene: str, output: str | None, up: Vector | None, fov_y: float, raw_opacity: bool,
+         width: int | None, height: int | None, **options: Any) -> None:  # fmt: skip
+    """Open SCENE, or the demo, in the viewer: the default command; print one picture when piped."""
+    printing = not sys.stdout.isatty()
+    if printing and output not in (None, "half", "half256"):
+        raise OptionError(f"--output {output} needs a terminal; a printed picture is half or half256")
+    gaussians = _load(scene, options.pop("max_splats"), raw_opacity)
+    chosen = _options(scene, "relative", **options)
+    if printing:
+        return _print_frame(gaussians, chosen, output or "half", _printed_size(width, height), fov_y=fov_y, up=up)
+    from tsplat import viewer
+
+    return viewer.view(
+        gaussians, chosen, name=Path(scene).stem, output=output, up=up, fov_y=fov_y, raw_opacity=raw_opacity
+    )
+
+
+@command.command(cls=Triples)
+@click.argument("scene")
+@click.option(
+    "-o", "--output", required=True, metavar="FILE", help=".png, .jpg, .webp, or .npy with float32 RGBA."
+)
+@click.option("--width", type=click.IntRange(1, 16384), default=SIZE[0], show_default=True, help="Pixels across.")
+@click.option("--height", type=click.IntRange(1, 16384), default=SIZE[1], show_default=True, help="Pixels down.")
+@click.option("--eye", type=POINT, metavar="X Y Z", help="Where the camera is. [where the scene is in view]")
+@click.option("--target", type=POINT, metavar="X Y Z", help="What it looks at. [the scene's middle]")
+@_shared(
+    "up", "fov-y", "sh-degree", "antialias", "background", "train-focal", "max-splats", "raw-opacity", "threads"
+)
+def render(scene: str, output: str, width: int, height: int, max_splats: int | None, raw_opacity: bool,
+           **options: Any) -> None:  # fmt: skip
+    """Render SCENE, or `demo`, to a picture."""
+    from tsplat import images
+
+    images.check_suffix(output)
+    view = {name: options.pop(name) for name in ("eye", "target", "up", "fov_y")}
+    gaussians = _load(scene, max_splats, raw_opacity)
+    chosen = _options(scene, "classic", **options)
+    camera = _camera(gaussians, width, height, **view)
+    from tsplat.raster import rasterize
+
+    rasterize(gaussians.take([0] if len(gaussians) else []), camera.resized(8, 8), chosen)  # loads the kernels
+    start = time.perf_counter()
+    rendering = rasterize(gaussians, camera, chosen)
+    milliseconds = 1e3 * (time.perf_counter() - start)
+    path = rendering.save(output)
+    splats = f"{rendering.visible:,} of {len(gaussians):,} splats"
+    print(f"{path}: {width} x {height}, {splats}, rendered in {milliseconds:.0f} ms", flush=True)
+
+
+@command.command()
+@click.argument("scene")
+@click.option("--json", "as_json", is_flag=True, help="As JSON, for programs.")
+@_shared("max-splats", "raw-opacity")
+def info(scene: str, as_json: bool, max_splats: int | None, raw_opacity: bool) -> None:
+    """Print the count, bounds, percentiles and memory of SCENE, or `demo`."""
+    from tsplat.summary import summarize
+
+    summary = summarize(_load(scene, max_splats, raw_opacity)).as_dict()
+    if as_json:
+        import json
+
+        print(json.dumps(summary, indent=2), flush=True)
+    else:
+        _print_table(scene, summary)
+
+
+def _path(scene: str) -> Path:
+    from tsplat.io import demo_path
+
+    return demo_path() if scene == DEMO else Path(scene)
+
+
+def _load(scene: str, max_splats: int | None, raw_opacity: bool) -> Gaussians:
+    from tsplat.io import load
+
+    with _progress(scene) as progress:
+        return load(_path(scene), max_splats=max_splats, raw_opacity=raw_opacity, progress=progress)
+
+
+@contextmanager
+def _progress(scene: str) -> Iterator[Callable[[float], None] | None]:
+    """Give a callback that shows a bar on stderr once loading has taken a second."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    start, bar = time.perf_counter(), None
+
+    def show(fraction: float) -> None:
+        nonlocal bar
+        if bar is None and time.perf_counter() - start > PROGRESS_AFTER:
+            from rich.console import Console
+            from rich.progress import Progress
+
+            bar = Progress(console=Console(stderr=True), transient=True)
+            bar.add_task(f"loading {Path(scene).name}", total=1.0)
+            bar.start()
+        if bar is not None:
+            bar.update(bar.task_ids[0], completed=fraction)
+
+    try:
+        yield show
+    finally:
+        if bar is not None:
+            bar.stop()
+
+
+def _options(scene: str, antialias: str, **options: Any) -> RenderOptions:
+    """Return the options; training cameras beside the scene say what `relative` is relative to."""
+    options["antialias"] = options["antialias"] or antialias
+    if options["train_focal"] is None:
+        from tsplat.io import train_focal_beside
+
+        wanted = options["antialias"] == "relative"
+        options["train_focal"] = (wanted and train_focal_beside(_path(scene))) or TRAIN_FOCAL_GUESS
+    return RenderOptions(**options)
+
+
+def _camera(
+    gaussians: Gaussians,
+    width: int,
+    height: int,
+    *,
+    fov_y: float,
+    eye: Vector | None = None,
+    target: Vector | None = None,
+    up: Vector | None = None,
+) -> Camera:
+    """Return the camera asked for; what was not said comes from the start view."""
+    from tsplat.camera import Camera
+    from tsplat.framing import start_pose
+
+    start = start_pose(gaussians, aspect=width / height, fov_y=fov_y, up=up)
+    target = target or (None if eye is None else tuple(start.target))
+    if target is None:
+        return start.camera(width, height, fov_y)
+    eye = eye or tuple(target - start.distance * start.forward)
+    return Camera.look_at(eye, target, up or start.up, width=width, height=height, fov_y=fov_y)
+
+
+def _printed_size(columns: int | None, rows: int | None) -> tuple[int, int]:
+    if columns is None:
+        text = os.environ.get("COLUMNS", "")
+        columns = int(text) if text.isdigit() and 1 <= int(text) <= 1000 else PRINTED_COLUMNS
+    return columns, rows or max(1, round(ROWS_PER_COLUMN * columns))
+
+
+def _print_frame(
+    gaussians: Gaussians,
+    options: RenderOptions,
+    output: str,
+    size: tuple[int, int],
+    *,
+    fov_y: float,
+    up: Vector | None,
+) -> None:
+    from tsplat.encode.cells import HalfBlocks
+    from tsplat.raster import rasterize
+
+    columns, rows = size
+    frame = rasterize(gaussians, _camera(gaussians, columns, 2 * rows, fov_y=fov_y, up=up), options).frame()
+    sys.stdout.flush()
+    sys.stdout.buffer.writelines(HalfBlocks(256 if output == "half256" else 1 << 24).lines(frame))
+    sys.stdout.buffer.flush()
+
+
+def _print_table(scene: str, summary: dict[str, Any]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(show_header=False, title=scene, title_justify="left", box=None, pad_edge=False)
+    table.add_column(style="bold")
+    table.add_column()
+    for name, value in _rows(summary):
+        table.add_row(name, value)
+    Console().print(table)
+    sys.stdout.flush()
+
+
+def _rows(summary: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    for name, value in summary.items():
+        yield name.replace("_", " "), _shown(value)
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, dict):
+        return "   ".join(f"{name} {_shown(each)}" for name, each in value.items())
+    if isinstance(value, (list, tuple)):
+        return "  ".join(_shown(each) for each in value)
+    return f"{value:,}" if isinstance(value, int) else f"{value:.4g}" if isinstance(value, float) else str(value)
