@@ -115,7 +115,7 @@ def view(scene: str, output: str | None, up: Vector | None, fov_y: float, raw_op
     if printing and output not in (None, "half", "half256"):
         raise OptionError(f"--output {output} needs a terminal; a printed picture is half or half256")
     gaussians = _load(scene, options.pop("max_splats"), raw_opacity)
-    chosen = _options(scene, "relative", **options)
+    chosen = _options(scene, "relative", options)
     if printing:
         return _print_frame(gaussians, chosen, output or "half", _printed_size(width, height), fov_y=fov_y, up=up)
     from tsplat import viewer
@@ -145,7 +145,7 @@ def render(scene: str, output: str, width: int, height: int, max_splats: int | N
     images.check_suffix(output)
     view = {name: options.pop(name) for name in ("eye", "target", "up", "fov_y")}
     gaussians = _load(scene, max_splats, raw_opacity)
-    chosen = _options(scene, "classic", **options)
+    chosen = _options(scene, "classic", options)
     camera = _camera(gaussians, width, height, **view)
     from tsplat.raster import rasterize
 
@@ -215,7 +215,7 @@ def _progress(scene: str) -> Iterator[Callable[[float], None] | None]:
             bar.stop()
 
 
-def _options(scene: str, antialias: str, **options: Any) -> RenderOptions:
+def _options(scene: str, antialias: str, options: dict[str, Any]) -> RenderOptions:
     """Return the options; training cameras beside the scene say what `relative` is relative to."""
     options["antialias"] = options["antialias"] or antialias
     if options["train_focal"] is None:
@@ -278,23 +278,25 @@ def _print_table(scene: str, summary: dict[str, Any]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    table = Table(show_header=False, title=scene, title_justify="left", box=None, pad_edge=False)
-    table.add_column(style="bold")
-    table.add_column()
-    for name, value in _rows(summary):
-        table.add_row(name, value)
-    Console().print(table)
+    plain = Table(show_header=False, title=scene, title_justify="left", box=None, pad_edge=False)
+    plain.add_column(style="bold")
+    plain.add_column()
+    for name, value in summary.items():
+        if not isinstance(value, dict):
+            plain.add_row(*_shown(name, value))
+    percentiles = {name: value for name, value in summary.items() if isinstance(value, dict) and value}
+    spread = Table("percentile", *percentiles, box=None, pad_edge=False)
+    for percent in next(iter(percentiles.values()), {}):
+        spread.add_row(f"{percent} %", *(f"{values[percent]:.3g}" for values in percentiles.values()))
+    console = Console()
+    console.print(plain, "", spread if percentiles else "")
     sys.stdout.flush()
 
 
-def _rows(summary: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    for name, value in summary.items():
-        yield name.replace("_", " "), _shown(value)
-
-
-def _shown(value: Any) -> str:
-    if isinstance(value, dict):
-        return "   ".join(f"{name} {_shown(each)}" for name, each in value.items())
+def _shown(name: str, value: Any) -> tuple[str, str]:
+    if name == "nbytes":
+        return "memory", f"{value / 1e6:,.1f} MB"
     if isinstance(value, (list, tuple)):
-        return "  ".join(_shown(each) for each in value)
-    return f"{value:,}" if isinstance(value, int) else f"{value:.4g}" if isinstance(value, float) else str(value)
+        return name.replace("_", " "), "  ".join(f"{number:.4g}" for number in value)
+    text = f"{value:,}" if isinstance(value, int) else f"{value:.4g}" if isinstance(value, float) else str(value)
+    return name.replace("_", " "), text
