@@ -31,8 +31,9 @@ whose edges lie at 2, 1.4 and 1.3, and far inside the backdrop of an outdoor cap
 TAIL = 0.01
 """Share of the weight left out at either end of an axis."""
 
-FILL = 0.88
-"""Share of the frame that the bulk spans in the start view."""
+FILL = 0.94
+FIT_TAIL = 0.002
+"""Share of the frame that the bulk spans in the start view, and share of its weight that may lie outside."""
 
 START_YAW, START_PITCH = math.radians(-17.0), math.radians(-18.0)
 """A little from the right and from above: two sides and the top show, and text stays readable."""
@@ -181,14 +182,14 @@ def _fit(points: F64, inner: _Sample, half: F64) -> tuple[F64, float]:
     shift, distance = np.zeros(2), 0.0
     for _ in range(4):
         reach = (np.abs(points[:, :2] - shift) + inner.sizes[:, None]) / (FILL * half) - points[:, 2:]
-        distance = _quantile(reach.max(axis=1), inner.weights, 1.0 - TAIL) if len(points) else 0.0
+        distance = _quantile(reach.max(axis=1), inner.weights, 1.0 - FIT_TAIL) if len(points) else 0.0
         depths = points[:, 2] + distance
         ahead = inner.weights * (depths > 1e-3 * distance)
         if not ahead.any():
             break
         for axis in range(2):
             slopes = (points[:, axis] - shift[axis]) / np.maximum(depths, 1e-3 * distance)
-            middle = 0.5 * (_quantile(slopes, ahead, TAIL) + _quantile(slopes, ahead, 1.0 - TAIL))
+            middle = 0.5 * (_quantile(slopes, ahead, FIT_TAIL) + _quantile(slopes, ahead, 1.0 - FIT_TAIL))
             shift[axis] += middle * distance
     return shift, distance
 
@@ -239,10 +240,8 @@ def _flat_surface(gaussians: Gaussians) -> tuple[F64, F64, F64]:
     shortest = np.argmin(scales, axis=1)
     ordered = np.sort(scales, axis=1)
     areas = ordered[:, 1] * ordered[:, 2]
-    flat = ordered[:, 0] < FLATNESS * ordered[:, 1]
-    weights: F64 = (
-        flat * gaussians.opacities[::step].astype(np.float64) * np.minimum(areas, np.quantile(areas, 0.95))
-    )
+    weights: F64 = gaussians.opacities[::step].astype(np.float64) * np.minimum(areas, np.quantile(areas, 0.95))
+    weights[ordered[:, 0] >= FLATNESS * ordered[:, 1]] = 0.0
     w, x, y, z = gaussians.quats[::step].astype(np.float64).T
     columns = (
         (1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)),
@@ -251,7 +250,7 @@ def _flat_surface(gaussians: Gaussians) -> tuple[F64, F64, F64]:
     )
     axes = np.array(columns)  # [axis of the splat, axis of the world, N]
     normals = axes[shortest, :, np.arange(len(shortest))]
-    return normals, weights.astype(np.float64), gaussians.means[::step].astype(np.float64)
+    return normals, weights, gaussians.means[::step].astype(np.float64)
 
 
 def _unit(vector: Sequence[float]) -> Vector:
