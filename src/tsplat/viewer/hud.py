@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from tsplat.viewer.help import help_spans
 from tsplat.viewer.settings import SETTINGS
-from tsplat.viewer.spans import Piece, Span, clipped, line
+from tsplat.viewer.spans import Piece, Span, clipped, line, printable, width_of
 from tsplat.viewer.state import ViewerState
 
 WIDTH = 46
@@ -60,8 +60,8 @@ def layout(state: ViewerState, measured: Measured) -> list[Span]:
     elif state.panel == "help":
         spans += help_spans(state)
     if state.message:
-        text = f" {state.message} "
-        spans += line(rows - 1, 0, [(text, "message")], min(columns, len(text)))
+        text = printable(f" {state.message} ")
+        spans += line(rows - 1, 0, [(text, "message")], min(columns, width_of(text)))
     return clipped(spans, columns, rows)
 
 
@@ -92,7 +92,7 @@ def hud_spans(state: ViewerState, measured: Measured) -> list[Span]:
 
 def _setting(state: ViewerState, row: int, scrollbar: str, width: int) -> list[Piece]:
     setting = SETTINGS[row]
-    room = min(VALUE_WIDTH, width - LABEL_WIDTH - 6)
+    room = max(1, min(VALUE_WIDTH, width - LABEL_WIDTH - 6))
     value = f"{setting.show(state):<{room}}"[:room]
     label = f" {setting.label:<{LABEL_WIDTH}}"
     if row == state.row:
