@@ -18,7 +18,7 @@ import rich_click as click
 
 from tsplat import __version__
 from tsplat.arguments import BACKGROUND, POINT, UP, Triples, ViewByDefault
-from tsplat.errors import OptionError, TsplatError
+from tsplat.errors import LoadWarning, OptionError, TsplatError
 from tsplat.rendering import ANTIALIAS, TRAIN_FOCAL_GUESS, RenderOptions
 
 if TYPE_CHECKING:
@@ -30,6 +30,10 @@ OUTPUTS = ("kitty", "sixel", "half", "half256")
 PROGRESS_AFTER = 1.0
 """Seconds of loading before a progress bar appears."""
 
+ANTIALIAS_HELP = (
+    "How splats meet pixels: classic as in training, mip with opacities compensated, "
+    "relative to the training pictures. [view: relative; render: classic]"
+)
 FOV_Y = 55.0
 SIZE = 1280, 720
 PRINTED_COLUMNS, ROWS_PER_COLUMN = 80, 0.3
@@ -38,6 +42,7 @@ PRINTED_COLUMNS, ROWS_PER_COLUMN = 80, 0.3
 def main(args: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit status: 0, 2 after an error, 130 after Ctrl-C."""
     with warnings.catch_warnings():
+        warnings.simplefilter("always", LoadWarning)
         warnings.showwarning = _show_warning
         try:
             return command.main(args, prog_name="tsplat", standalone_mode=False) or 0
@@ -63,7 +68,7 @@ def _shared(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Add options that several commands share, in this order."""
     known = {
         "up": click.option("--up", type=UP, help="What is up: x, y, z, -x, -y, -z or three numbers. [guessed]"),
-        "antialias": click.option("--antialias", type=click.Choice(ANTIALIAS), help="How splats meet pixels."),
+        "antialias": click.option("--antialias", type=click.Choice(ANTIALIAS), help=ANTIALIAS_HELP),
         "sh-degree": click.option("--sh-degree", type=click.IntRange(0, 3), default=3, show_default=True,
                                   help="Highest degree of spherical harmonics."),
         "threads": click.option("--threads", type=click.IntRange(0, 1024), default=0, help="0 means all. [0]"),

@@ -115,7 +115,7 @@ class Viewer:
         except SaveError as error:
             text = str(error)
         else:
-            text = f"saved {path}"
+            text = f"saved {path.name} in {path.parent}"
         self.state = update(self.state, Notice(text))
 
     def show(self, start: float) -> None:

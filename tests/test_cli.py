@@ -1,0 +1,271 @@
+"""The command line: as a function through click's parser, and as the process a shell starts."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import click
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.scenes import random_gaussians
+from tsplat import __version__, cli
+from tsplat.io import save
+
+HELP_PAGE = Path(__file__).parents[1] / "docs" / "cli.md"
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("scene") / "cloud.ply"
+    return save(path, random_gaussians(np.random.default_rng(3), 300, sh_degree=1))
+
+
+def failure(capsys: pytest.CaptureFixture[str], *args: object) -> str:
+    """Run what must fail with status 2; return its one line."""
+    assert cli.main([str(arg) for arg in args]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("tsplat: ")
+    assert err.count("\n") == 1
+    return err
+
+
+def process(*args: object, **options: object) -> subprocess.CompletedProcess[bytes]:
+    environment = {name: value for name, value in os.environ.items() if name not in ("COLUMNS", "LINES")}
+    command = [sys.executable, "-m", "tsplat", *map(str, args)]
+    return subprocess.run(command, capture_output=True, env=environment, timeout=120, check=False, **options)  # type: ignore[call-overload,no-any-return]
+
+
+def test_version_is_the_packages(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["--version"]) == 0
+    assert capsys.readouterr().out == f"tsplat {__version__}\n"
+
+
+@pytest.mark.parametrize(
+    ("args", "words"),
+    [
+        (["none.ply"], "none.ply: cannot be read"),
+        (["render", "none.ply", "-o", "x.png"], "none.ply: cannot be read"),
+        (["info", "none.ply"], "none.ply: cannot be read"),
+        (["render", "none.ply", "-o", "x.tiff"], "'.tiff' is not an image format"),
+        (["render", "none.ply"], "Missing option '-o' / '--output'; see 'tsplat render --help'"),
+        (["render"], "Missing argument 'SCENE'; see 'tsplat render --help'"),
+        (["--wrong"], "No such option '--wrong'; see 'tsplat view --help'"),
+        (["--output", "sixels"], "'sixels' is not one of"),
+        (["--output", "sixel"], "needs a terminal"),
+        (["render", "x.ply", "-o", "x.png", "--width", "0"], "0 is not in the range"),
+        (["render", "x.ply", "-o", "x.png", "--fov-y", "180"], "180"),
+        (["render", "x.ply", "-o", "x.png", "--eye", "1", "2"], "is not three numbers X Y Z"),
+        (["render", "x.ply", "-o", "x.png", "--eye", "1", "2", "nan"], "is not three numbers"),
+        (["render", "x.ply", "-o", "x.png", "--up", "w"], "'w' is not x, y, z, -x, -y, -z or three numbers"),
+        (["render", "x.ply", "-o", "x.png", "--background", "pinkish"], "'pinkish' is not black, white"),
+        (["render", "x.ply", "-o", "x.png", "--antialias", "best"], "'best' is not one of"),
+        (["render", "x.ply", "-o", "x.png", "--eye"], "requires an argument"),
+        (["info", "one.ply", "two.ply"], "unexpected extra argument"),
+    ],
+)
+def test_what_cannot_be_done_is_one_line_and_status_2(
+    capsys: pytest.CaptureFixture[str], args: list[str], words: str
+) -> None:
+    assert words in failure(capsys, *args)
+
+
+def test_a_camera_inside_its_target_is_one_line(capsys: pytest.CaptureFixture[str], scene: Path) -> None:
+    line = failure(capsys, "render", scene, "-o", "x.png", "--eye", 1, 1, 1, "--target", 1, 1, 1)
+    assert "target - eye" in line
+
+
+def test_a_folder_that_is_not_there_is_one_line(capsys: pytest.CaptureFixture[str], scene: Path) -> None:
+    line = failure(capsys, "render", scene, "-o", scene.parent / "none" / "x.png", "--width", 8, "--height", 8)
+    assert "cannot be written" in line
+
+
+def test_render_writes_the_picture_and_says_so(
+    capsys: pytest.CaptureFixture[str], scene: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "x.png"
+    assert cli.main(["render", str(scene), "-o", str(out), "--width", "40", "--height", "30"]) == 0
+    text = capsys.readouterr().out
+    assert re.fullmatch(rf"{re.escape(str(out))}: 40 x 30, \d+ of 300 splats, rendered in \d+ ms\n", text)
+    with Image.open(out) as picture:
+        assert picture.size == (40, 30)
+        assert np.asarray(picture).max() > 30
+
+
+@pytest.mark.parametrize("suffix", ["jpg", "webp", "npy"])
+def test_render_writes_each_format(scene: Path, tmp_path: Path, suffix: str) -> None:
+    out = tmp_path / f"x.{suffix}"
+    assert cli.main(["render", str(scene), "-o", str(out), "--width", "20", "--height", "10"]) == 0
+    if suffix == "npy":
+        assert np.load(out).shape == (10, 20, 4)
+        assert np.load(out).dtype == np.float32
+    else:
+        with Image.open(out) as picture:
+            assert picture.size == (20, 10)
+
+
+def rendered(scene: Path, folder: Path, *args: object) -> np.ndarray:
+    out = folder / "x.npy"
+    arguments = ["render", scene, "-o", out, "--width", 32, "--height", 24, *args]
+    assert cli.main([str(arg) for arg in arguments]) == 0
+    picture: np.ndarray = np.load(out)
+    return picture
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        (["--up", "-y"], ["--up", 0, -1, 0]),
+        (["--up", "-y"], ["--up=0,-2,0"]),
+        (["--up", "-1", "0", "0"], ["--up", "-x"]),
+        (["--background", "white"], ["--background", 1, 1, 1]),
+        (["--background", "#ff0000"], ["--background", "1,0,0"]),
+        (
+            ["--eye", 0, 0, -3, "--target", 0, 0, 0, "--up", "-y"],
+            ["--eye", "0 0 -3", "--target=0,0,0", "--up", "-y"],
+        ),
+    ],
+)
+def test_three_numbers_can_be_written_in_several_ways(
+    scene: Path, tmp_path: Path, one: list[object], other: list[object]
+) -> None:
+    first = rendered(scene, tmp_path, *one)
+    assert np.array_equal(first, rendered(scene, tmp_path, *other))
+    assert not np.array_equal(first, rendered(scene, tmp_path, "--background", "grey", "--up", "z"))
+
+
+@pytest.mark.parametrize(
+    "args",
+    [
+        ["--eye", 0, 0, -3],
+        ["--target", 0.5, 0, 0],
+        ["--up", "z"],
+        ["--fov-y", 30],
+        ["--sh-degree", 0],
+        ["--antialias", "mip"],
+        ["--background", "white"],
+        ["--max-splats", 20],
+        ["--raw-opacity"],
+    ],
+    ids=lambda args: args[0],
+)
+def test_every_option_of_render_changes_the_picture(scene: Path, tmp_path: Path, args: list[object]) -> None:
+    assert not np.array_equal(rendered(scene, tmp_path, *args), rendered(scene, tmp_path))
+
+
+def test_threads_do_not_change_the_picture(scene: Path, tmp_path: Path) -> None:
+    assert np.array_equal(rendered(scene, tmp_path, "--threads", 1), rendered(scene, tmp_path, "--threads", 2))
+
+
+def test_the_training_focal_matters_to_relative_alone(scene: Path, tmp_path: Path) -> None:
+    def at(antialias: str, focal: int) -> np.ndarray:
+        return rendered(scene, tmp_path, "--antialias", antialias, "--train-focal", focal)
+
+    assert np.array_equal(at("classic", 20), at("classic", 2000))
+    assert not np.array_equal(at("relative", 20), at("relative", 2000))
+
+
+def test_info_says_what_the_scene_holds(capsys: pytest.CaptureFixture[str], scene: Path) -> None:
+    assert cli.main(["info", str(scene), "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert (summary["count"], summary["sh_degree"]) == (300, 1)
+    assert cli.main(["info", str(scene)]) == 0
+    table = capsys.readouterr().out
+    for word in ("count", "300", "sh degree", "bulk radius", "memory", "MB", "percentile", "95 %"):
+        assert word in table
+
+
+def test_info_of_an_empty_scene_is_no_error(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    path = save(tmp_path / "empty.ply", random_gaussians(np.random.default_rng(0), 0))
+    assert cli.main(["info", str(path)]) == 0
+    assert cli.main(["render", str(path), "-o", str(tmp_path / "x.png"), "--width", "9", "--height", "9"]) == 0
+    assert "0 of 0 splats" in capsys.readouterr().out
+
+
+def test_a_warning_is_one_line(capsys: pytest.CaptureFixture[str], scene: Path, tmp_path: Path) -> None:
+    broken = bytearray(scene.read_bytes())
+    first = broken.index(b"end_header\n") + len(b"end_header\n")
+    broken[first : first + 4] = np.float32(np.nan).tobytes()
+    path = tmp_path / "nan.ply"
+    path.write_bytes(broken)
+    assert cli.main(["info", str(path), "--json"]) == 0
+    out, err = capsys.readouterr()
+    assert json.loads(out)["count"] == 299
+    assert err.startswith("tsplat: warning: ")
+    assert err.count("\n") == 1
+
+
+def test_a_truncated_file_is_one_line_without_a_traceback(scene: Path, tmp_path: Path) -> None:
+    path = tmp_path / "cut.ply"
+    path.write_bytes(scene.read_bytes()[:-10])
+    done = process(path)
+    assert done.returncode == 2
+    assert done.stdout == b""
+    assert done.stderr.startswith(b"tsplat: ")
+    assert done.stderr.count(b"\n") == 1
+
+
+def test_a_pipe_gets_one_picture_as_text(scene: Path) -> None:
+    done = process(scene)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == b""
+    lines = done.stdout.decode().splitlines()
+    assert len(lines) == 24
+    assert all(line.count("▀") == 80 for line in lines)
+    assert b"\x1b[38;2;" in done.stdout
+
+
+def test_a_printed_picture_has_the_size_asked_for(capfdbinary: pytest.CaptureFixture[bytes], scene: Path,
+                                                  monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
+    monkeypatch.setenv("COLUMNS", "50")
+    assert cli.main([str(scene)]) == 0
+    assert [line.count("▀") for line in capfdbinary.readouterr().out.decode().splitlines()] == [50] * 15
+    assert cli.main([str(scene), "--width", "20", "--height", "4", "--output", "half256"]) == 0
+    out = capfdbinary.readouterr().out
+    assert [line.count("▀") for line in out.decode().splitlines()] == [20] * 4
+    assert b";2;" not in out
+
+
+def test_a_reader_that_leaves_early_hears_nothing(scene: Path) -> None:
+    command = f"'{sys.executable}' -m tsplat '{scene}' --width 900 --height 300 | head -c 10 >/dev/null"
+    done = subprocess.run(["/bin/sh", "-c", command], capture_output=True, timeout=120, check=False)
+    assert done.stderr == b""
+
+
+def test_help_is_quick_because_it_imports_nothing_heavy() -> None:
+    code = "import sys; from tsplat import cli; cli.main(['--help']); print([m for m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=120, check=True)
+    modules = done.stdout.decode().splitlines()[-1]
+    for heavy in ("'numba'", "'PIL'", "'blessed'", "'tsplat.viewer'", "'tsplat.raster'"):
+        assert heavy not in modules
+
+
+def help_page() -> str:
+    """Return the page of all commands and options, from the definitions that the parser uses."""
+    context = click.Context(cli.command, info_name="tsplat")
+    parts = ["# The command line", "", "Made from the commands themselves by `pytest --update-goldens`.", ""]
+    about: list[tuple[click.Command, click.Context]] = [(cli.command, context)]
+    about += [(each, click.Context(each, context, name)) for name, each in cli.command.commands.items()]
+    for command, inner in about:
+        parts += [f"## `{inner.command_path}`", "", " ".join((command.help or "").split()), ""]
+        parts += ["    " + " ".join([inner.command_path, *command.collect_usage_pieces(inner)]), ""]
+        parts += ["| option | |", "|---|---|"]
+        records = [param.get_help_record(inner) for param in command.get_params(inner) if param.opts[0] != "scene"]
+        parts += [f"| `{name.replace('|', '&#124;')}` | {text} |" for name, text in filter(None, records)]
+        parts += [""]
+    return "\n".join(parts)
+
+
+def test_the_help_page_is_not_stale(request: pytest.FixtureRequest) -> None:
+    page = help_page()
+    if request.config.getoption("--update-goldens"):
+        HELP_PAGE.parent.mkdir(exist_ok=True)
+        HELP_PAGE.write_text(page)
+    assert HELP_PAGE.read_text() == page, "run pytest --update-goldens tests/test_cli.py"

@@ -1,0 +1,214 @@
+"""The loop against a terminal that remembers what it was sent, at a clock that is the real one."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.viewer.states import a_state
+from tsplat.encode import EncodedFrame
+from tsplat.errors import SaveError
+from tsplat.terminal.keys import Event, Key, Mouse, Resize, TerminalSize
+from tsplat.terminal.probe import Profile
+from tsplat.viewer.loop import REST_SECONDS, Viewer
+from tsplat.viewer.picture import Drawn, Painter
+from tsplat.viewer.state import ViewerState
+
+
+class FakeTerminal:
+    """Hands out one batch of events after another, then q; keeps what was written and waited for."""
+
+    profile = Profile(program="fake", version="1")
+
+    def __init__(self, *batches: Sequence[Event]) -> None:
+        self.batches: list[Sequence[Event]] = [*batches, [Key("q")]]
+        self.written: list[bytes] = []
+        self.waits: list[float] = []
+        self.suspended = 0
+        self.starting = True
+
+    def events(self, timeout: float) -> list[Event]:
+        if timeout == 0.0 and self.starting:
+            return []
+        self.starting = False
+        self.waits.append(timeout)
+        if timeout < 1.0:
+            threading.Event().wait(timeout)
+            return []
+        return list(self.batches.pop(0))
+
+    def write(self, screen: bytes) -> None:
+        self.written.append(screen)
+
+    def synchronized(self, screen: bytes) -> bytes:
+        return b"<" + screen + b">"
+
+    def suspend(self) -> None:
+        self.suspended += 1
+
+
+class FakeEncoder:
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def clear(self) -> bytes:
+        return f"(clear {self.name})".encode()
+
+
+class FakePainter(Painter):
+    """Counts instead of drawing."""
+
+    def __init__(self) -> None:
+        self.encoder = None
+        self.views: list[ViewerState] = []
+        self.encoded = 0
+        self.refuse = False
+
+    def draw(self, state: ViewerState) -> Drawn:
+        if threading.current_thread() is threading.main_thread():
+            self.views.append(state)
+            self.choose(state)
+        return self.again(state, Drawn(np.zeros((2, 2, 3), np.uint8), EncodedFrame(b"", b""), 7, {"project": 1.0}))
+
+    def again(self, state: ViewerState, drawn: Drawn) -> Drawn:
+        self.encoded += 1
+        return replace(drawn, encoded=EncodedFrame(b"(upload)", f"(draw {state.output})".encode()))
+
+    def choose(self, state: ViewerState) -> FakeEncoder:  # type: ignore[override]
+        self.encoder = FakeEncoder(state.output)  # type: ignore[assignment]
+        return self.encoder  # type: ignore[return-value]
+
+    def save(self, state: ViewerState, path: Path) -> Path:  # noqa: ARG002
+        if self.refuse:
+            raise SaveError(f"{path}: cannot be written: no room; choose another folder")
+        path.touch()
+        return path
+
+
+def run(
+    tmp_path: Path, *batches: Sequence[Event], state: ViewerState | None = None
+) -> tuple[Viewer, FakeTerminal]:
+    terminal, painter = FakeTerminal(*batches), FakePainter()
+    viewer = Viewer(terminal, painter, state or a_state(), "tsplat-x", tmp_path)
+    viewer.run()
+    return viewer, terminal
+
+
+def views(viewer: Viewer) -> list[ViewerState]:
+    assert isinstance(viewer.painter, FakePainter)
+    return viewer.painter.views
+
+
+def test_one_frame_is_one_write_in_the_order_terminals_need(tmp_path: Path) -> None:
+    _, terminal = run(tmp_path)
+    (written,) = terminal.written
+    order = [written.index(part) for part in (b"\x1b[2J", b"(upload)", b"<", b"(draw kitty)", b"splats", b">")]
+    assert order == sorted(order)
+
+
+def test_at_rest_nothing_is_drawn_and_the_loop_sleeps(tmp_path: Path) -> None:
+    viewer, terminal = run(tmp_path, [], [], [Key("x")], [Mouse("move", "none", 3, 4)])
+    assert len(views(viewer)) == len(terminal.written) == 1
+    assert terminal.waits == [REST_SECONDS] * 5
+
+
+def test_a_tap_draws_until_its_time_is_over_and_then_rests(tmp_path: Path) -> None:
+    viewer, terminal = run(tmp_path, [Key("w")])
+    assert 2 < len(views(viewer)) < 30
+    assert terminal.waits[-1] == REST_SECONDS
+    assert all(wait <= 1 / 60 for wait in terminal.waits[1:-1])
+    assert viewer.state.pose != a_state().pose
+
+
+def test_motion_never_exceeds_60_frames_a_second(tmp_path: Path) -> None:
+    viewer, _ = run(tmp_path, [Key("w")])
+    assert viewer.intervals
+    assert min(viewer.intervals) >= 1 / 60 - 1e-3
+
+
+def test_text_alone_is_drawn_without_rendering_again(tmp_path: Path) -> None:
+    viewer, terminal = run(tmp_path, [Key("tab")])
+    assert len(views(viewer)) == 1
+    assert len(terminal.written) == 2
+    assert b"antialias" in terminal.written[1]
+    assert b"\x1b[2J" not in terminal.written[1]
+
+
+def test_closing_the_hud_erases_its_cells_before_the_picture(tmp_path: Path) -> None:
+    _, terminal = run(tmp_path, [Key("tab")], [Key("tab")])
+    closed = terminal.written[2]
+    assert b"antialias" not in closed
+    assert closed.index(b"\x1b[1;1H\x1b[46X") < closed.index(b"(draw kitty)")
+
+
+def test_the_next_output_clears_what_the_last_one_left(tmp_path: Path) -> None:
+    _, terminal = run(tmp_path, [Key("m")])
+    switched = terminal.written[1]
+    order = [switched.index(part) for part in (b"(clear kitty)", b"\x1b[2J", b"(draw sixel)")]
+    assert order == sorted(order)
+    assert b"(clear" not in terminal.written[0]
+
+
+def test_a_resize_draws_everything_from_nothing_even_at_the_same_size(tmp_path: Path) -> None:
+    size = a_state().size
+    viewer, terminal = run(tmp_path, [Resize(size)], [Resize(TerminalSize(100, 30, 10, 20))])
+    assert len(views(viewer)) == 2
+    assert all(b"\x1b[2J" in written for written in terminal.written)
+    assert len(terminal.written) == 3
+
+
+def test_p_saves_under_a_new_name_each_time_and_says_where(tmp_path: Path) -> None:
+    viewer, terminal = run(tmp_path, [Key("p")], [Key("P")])
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["tsplat-x-001.png", "tsplat-x-002.png"]
+    assert viewer.state.message == ""
+    assert b"saved tsplat-x-001.png in " in terminal.written[1]
+
+
+def test_a_picture_that_cannot_be_saved_is_a_message_and_no_end(tmp_path: Path) -> None:
+    terminal, painter = FakeTerminal([Key("p")], []), FakePainter()
+    painter.refuse = True
+    Viewer(terminal, painter, a_state(), "tsplat-x", tmp_path).run()
+    assert b"cannot be written" in terminal.written[1] or b"tsplat-x-001.png" in terminal.written[1]
+
+
+def test_ctrl_z_suspends_once(tmp_path: Path) -> None:
+    _, terminal = run(tmp_path, [Key("ctrl+z")], [Resize(a_state().size)])
+    assert terminal.suspended == 1
+    assert b"\x1b[2J" in terminal.written[-1]
+
+
+def test_a_slow_start_says_what_it_waits_for_and_can_be_quit(tmp_path: Path) -> None:
+    done = threading.Event()
+
+    class SlowPainter(FakePainter):
+        def draw(self, state: ViewerState) -> Drawn:
+            done.wait(20.0)
+            return super().draw(state)
+
+    class Impatient(FakeTerminal):
+        def events(self, timeout: float) -> list[Event]:  # noqa: ARG002
+            return [Key("q")] if self.written else []
+
+    terminal = Impatient()
+    try:
+        Viewer(terminal, SlowPainter(), a_state(), "tsplat-x", tmp_path).run()
+    finally:
+        done.set()
+    assert b"compiling kernels" in terminal.written[0]
+    assert b"(draw" not in b"".join(terminal.written)
+
+
+def test_an_error_while_drawing_is_not_swallowed(tmp_path: Path) -> None:
+    class Broken(FakePainter):
+        def draw(self, state: ViewerState) -> Drawn:
+            if threading.current_thread() is threading.main_thread():
+                raise ZeroDivisionError
+            return super().draw(state)
+
+    with pytest.raises(ZeroDivisionError):
+        Viewer(FakeTerminal(), Broken(), a_state(), "tsplat-x", tmp_path).run()
