@@ -95,7 +95,8 @@ def rounded(gaussians: Gaussians) -> Gaussians:
 
 
 def _to_step(values: npt.NDArray[Any], name: str) -> F32:
-    return (np.round(values / STEPS[name]) * STEPS[name]).astype(np.float32)
+    whole_steps: F32 = np.round(values / STEPS[name]).astype(np.float32)
+    return whole_steps * np.float32(STEPS[name])
 
 
 def _unpacked_quats(packed: U8) -> F32:
@@ -117,8 +118,8 @@ def _higher_sh(folder: Path, meta: dict[str, Any], labels: U8) -> F32:
     with Image.open(folder / meta["files"][0]) as image:
         entries = np.asarray(image.convert("RGB")).reshape(-1, coefficients, 3)
     label = labels[:, 0].astype(np.intp) + 256 * labels[:, 1].astype(np.intp)
-    palette: F32 = np.array(meta["codebook"], np.float32)[entries]
-    return palette[label]
+    higher: F32 = np.array(meta["codebook"], np.float32)[entries[label]]
+    return higher
 
 
 if __name__ == "__main__":
