@@ -21,7 +21,8 @@ SHELL_GAPS = (701, 301, 132, 57, 23, 10, 4, 1)
 def into_buckets(isect_keys, first, end, sorted_keys, bucket_ends):
     """Scatter the keys ``first`` to ``end`` into depth buckets; return how many buckets there are.
 
-    ``sorted_keys`` receives them from 0 on; bucket b ends at ``bucket_ends[b]``.
+    ``sorted_keys`` receives them from 0 on; bucket b ends at ``bucket_ends[b]``. Keys are below
+    2**63, as those of positive depths are.
     """
     low = high = isect_keys[np.uint64(first)]
     for i in range(first, end):
