@@ -24,9 +24,10 @@ Mask = npt.NDArray[np.bool_]
 SAMPLE = 8192
 """Splats looked at: quantiles of this many are steady to a percent and take milliseconds."""
 
-REACH = 2.2
-"""The bulk ends this many median distances from its middle: just beyond a uniform rod, disc or ball,
-whose edges lie at 2, 1.4 and 1.3, and far inside the backdrop of an outdoor capture."""
+REACH = 2.5
+"""The bulk ends this many median distances from its middle: beyond a uniform rod, disc or ball, whose
+edges lie at 2, 1.4 and 1.3, and far inside the backdrop of an outdoor capture. At 2.2, a rod of a few
+hundred splats loses its ends one after the other."""
 
 TAIL = 0.01
 """Share of the weight left out at either end of an axis."""
