@@ -6,6 +6,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+# A first call compiles kernels; time is no property worth failing for.
+settings.register_profile("tsplat", deadline=None)
+settings.load_profile("tsplat")
 
 GOLDENS = Path(__file__).parent / "goldens"
 

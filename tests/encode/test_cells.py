@@ -65,7 +65,7 @@ def test_a_terminal_with_256_colours_shows_the_nearest(frame: U8) -> None:
 def test_every_colour_of_a_fine_grid_gets_its_nearest_of_256() -> None:
     from tsplat.encode.palette256 import nearest_index
 
-    steps = np.arange(0, 256, 5, dtype=np.uint8)
+    steps = np.arange(0, 256, 11, dtype=np.uint8)
     frame = np.stack(np.meshgrid(steps, steps, steps), axis=-1).reshape(1, -1, 3)
     index = nearest_index(frame).astype(int)[0]
     levels = np.array([0, 95, 135, 175, 215, 255])
