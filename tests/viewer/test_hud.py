@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from tests.viewer.states import a_state
 from tsplat.terminal.keys import TerminalSize
 from tsplat.viewer import help
-from tsplat.viewer.hud import Measured, layout
+from tsplat.viewer.hud import WIDTH, Measured, layout
 from tsplat.viewer.settings import SETTINGS
 from tsplat.viewer.spans import STYLES, Span, clipped, erased, fitted, painted
 from tsplat.viewer.state import ViewerState
@@ -22,7 +22,7 @@ MEASURED = Measured(
     height=480,
     stage_ms={"project": 17.25, "sh": 1.5, "bin": 5.25, "composite": 120.5, "encode": 3.5, "write": 2.0},
     terminal="kitty 0.26.5",
-    protocol="kitty graphics, 24-bit, sync, key releases, pixel mouse",
+    protocol="kitty, sixel, 24-bit, sync, keys",
 )
 SIZES = [(80, 24), (40, 12), (200, 60), (20, 5), (1, 1)]
 
@@ -88,9 +88,9 @@ def test_the_selected_row_is_in_view_marked_and_highlighted_on_a_small_screen(ro
 def test_the_panel_is_a_rectangle_with_a_background_of_its_own() -> None:
     screen = shown(at(80, 24, panel="hud"))
     for row in range(23):
-        cells = [screen.buffer[row][column] for column in range(46)]
+        cells = [screen.buffer[row][column] for column in range(WIDTH)]
         assert all(cell.bg != "default" for cell in cells)
-        assert screen.buffer[row][46].bg == "default"
+        assert screen.buffer[row][WIDTH].bg == "default"
     assert all(cell.data == "." for cell in screen.buffer[23].values())
 
 
@@ -122,10 +122,11 @@ def test_help_that_does_not_fit_scrolls_to_its_end() -> None:
 
 
 def test_every_style_keeps_to_the_256_colours_and_names_its_background() -> None:
-    for codes in STYLES.values():
-        assert codes.startswith("0;")
-        assert "38;5;" in codes
-        assert "48;5;" in codes
+    for letters, background, color in STYLES.values():
+        assert "38;5;" in letters
+        assert 16 <= background <= 255
+        level = 8 + 10 * (background - 232)
+        assert color == ((level,) * 3 if background >= 232 else (0, 95, 175))
 
 
 def test_control_characters_never_reach_the_terminal() -> None:

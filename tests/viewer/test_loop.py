@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from tsplat.terminal.keys import Event, Key, Mouse, Resize, TerminalSize
 from tsplat.terminal.probe import Profile
 from tsplat.viewer.loop import REST_SECONDS, Viewer
 from tsplat.viewer.picture import Drawn, Painter
+from tsplat.viewer.spans import Span, painted
 from tsplat.viewer.state import ViewerState
 
 
@@ -66,18 +66,16 @@ class FakePainter(Painter):
     def __init__(self) -> None:
         self.encoder = None
         self.views: list[ViewerState] = []
-        self.encoded = 0
         self.refuse = False
 
     def draw(self, state: ViewerState) -> Drawn:
         if threading.current_thread() is threading.main_thread():
             self.views.append(state)
             self.choose(state)
-        return self.again(state, Drawn(np.zeros((2, 2, 3), np.uint8), EncodedFrame(b"", b""), 7, {"project": 1.0}))
+        return Drawn(np.zeros((2, 2, 3), np.uint8), 7, {"project": 1.0})
 
-    def again(self, state: ViewerState, drawn: Drawn) -> Drawn:
-        self.encoded += 1
-        return replace(drawn, encoded=EncodedFrame(b"(upload)", f"(draw {state.output})".encode()))
+    def encode(self, state: ViewerState, frame: object, spans: Sequence[Span]) -> tuple[EncodedFrame, bytes]:  # noqa: ARG002
+        return EncodedFrame(b"(upload)", f"(draw {state.output})".encode()), painted(spans)
 
     def choose(self, state: ViewerState) -> FakeEncoder:  # type: ignore[override]
         self.encoder = FakeEncoder(state.output)  # type: ignore[assignment]
@@ -143,7 +141,7 @@ def test_closing_the_hud_erases_its_cells_before_the_picture(tmp_path: Path) -> 
     _, terminal = run(tmp_path, [Key("tab")], [Key("tab")])
     closed = terminal.written[2]
     assert b"antialias" not in closed
-    assert closed.index(b"\x1b[1;1H\x1b[46X") < closed.index(b"(draw kitty)")
+    assert closed.index(b"\x1b[1;1H\x1b[44X") < closed.index(b"(draw kitty)")
 
 
 def test_the_next_output_clears_what_the_last_one_left(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from tsplat.errors import SaveError
 from tsplat.terminal.keys import TerminalSize
 from tsplat.viewer.picture import Painter, frame_size, free_path, saturated, view_camera
 from tsplat.viewer.scenes import SceneVariants, activated, unactivated
+from tsplat.viewer.spans import Span, shaded
 
 
 @pytest.fixture(scope="module")
@@ -48,9 +49,21 @@ def test_drawing_gives_a_frame_and_its_bytes(painter: Painter) -> None:
     drawn = painter.draw(a_state(output="half", total=200, kept=200))
     assert drawn.frame.shape == (48, 80, 3)
     assert drawn.frame.max() > 50
-    assert drawn.encoded.draw
-    assert list(drawn.stage_ms)[-1] == "encode"
+    assert "composite" in drawn.stage_ms
+    encoded, text = painter.encode(a_state(output="half"), drawn.frame, [])
+    assert encoded.draw
+    assert text == b""
     assert 0 < drawn.visible <= 200
+
+
+def test_panels_over_kitty_are_in_the_picture_and_elsewhere_in_the_text(painter: Painter) -> None:
+    frame = np.full((480, 800, 3), 255, np.uint8)
+    spans = [Span(2, 10, "hello", "selected")]
+    assert b"48;5" not in painter.encode(a_state(), frame, spans)[1]
+    assert b"48;5;25" in painter.encode(a_state(output="half"), frame, spans)[1]
+    dark = (shaded(frame, spans, 80, 24) != 255).any(axis=2)
+    assert dark[40:60, 100:150].all()
+    assert dark.sum() == 20 * 50
 
 
 def test_a_picture_is_saved_large_in_the_shape_of_the_screen(painter: Painter, tmp_path: Path) -> None:

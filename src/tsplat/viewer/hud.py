@@ -11,8 +11,8 @@ from tsplat.viewer.settings import SETTINGS
 from tsplat.viewer.spans import Piece, Span, clipped, line, printable, width_of
 from tsplat.viewer.state import ViewerState
 
-WIDTH = 46
-LABEL_WIDTH, VALUE_WIDTH = 17, 22
+WIDTH = 44
+LABEL_WIDTH = 16
 FACT_LABEL_WIDTH = 10
 LEAST_SETTINGS = 5
 """Rows of settings kept before the facts below them get any."""
@@ -83,7 +83,7 @@ def hud_spans(state: ViewerState, measured: Measured) -> list[Span]:
         spans += line(place, 0, _setting(state, first + place, scrollbar, width), width)
     below = facts[: height - shown]
     if height - shown > len(facts):
-        spans += line(shown, 0, [("─" * width, "fact")], width)
+        spans += line(shown, 0, [("─" * width, "rule")], width)
         shown += 1
     for place, pieces in enumerate(below):
         spans += line(shown + place, 0, pieces, width)
@@ -92,12 +92,15 @@ def hud_spans(state: ViewerState, measured: Measured) -> list[Span]:
 
 def _setting(state: ViewerState, row: int, scrollbar: str, width: int) -> list[Piece]:
     setting = SETTINGS[row]
-    room = max(1, min(VALUE_WIDTH, width - LABEL_WIDTH - 6))
+    room = max(1, width - LABEL_WIDTH - 6)
     value = f"{setting.show(state):<{room}}"[:room]
     label = f" {setting.label:<{LABEL_WIDTH}}"
     if row == state.row:
         text = f"◂ {value.rstrip()} ▸"
-        return [(f"{label}{text:<{room + 4}}", "selected"), (scrollbar, "thumb")]
+        return [
+            (f"{label}{text:<{room + 4}}", "selected"),
+            (scrollbar, "thumb" if scrollbar.strip() else "selected"),
+        ]
     return [(label, "label"), (f"  {value}  ", "value"), (scrollbar, "thumb")]
 
 
@@ -113,7 +116,7 @@ def _facts(state: ViewerState, measured: Measured, width: int) -> list[list[Piec
     pose = state.pose
     cell = "{} x {} px".format(*state.size.cell_size) if all(state.size.cell_size) else "unknown"
     eye = "  ".join(_short(value) for value in pose.eye)
-    view = f"yaw {math.degrees(pose.yaw):.0f}° pitch {math.degrees(pose.pitch):.0f}° distance "
+    view = f"yaw {math.degrees(pose.yaw):.0f}° pitch {math.degrees(pose.pitch):.0f}° at "
     total = sum(measured.stage_ms.values())
     stages = [f"{name} {ms:.1f}" for name, ms in measured.stage_ms.items()] + [f"all {total:.1f}"]
     room = width - FACT_LABEL_WIDTH - 2

@@ -14,7 +14,7 @@ from tsplat.terminal.keys import Event
 from tsplat.terminal.probe import Profile
 from tsplat.viewer.hud import Measured, layout
 from tsplat.viewer.picture import Drawn, Painter, free_path
-from tsplat.viewer.spans import Span, erased, painted
+from tsplat.viewer.spans import Span, erased
 from tsplat.viewer.state import Notice, Tick, ViewerState, overlay, picture
 from tsplat.viewer.update import update
 
@@ -72,7 +72,7 @@ class Viewer:
         self.intervals: deque[float] = deque(maxlen=20)
         self.last_start = 0.0
         self.rested = True
-        self.write_ms = 0.0
+        self.last_ms = {"encode": 0.0, "write": 0.0}
 
     def run(self) -> None:
         """Draw and obey until a key ends it."""
@@ -124,12 +124,14 @@ class Viewer:
         fresh = self._fresh_screen()
         drawn = self._drawn(picture(state))
         spans = layout(state, self.measured(drawn, start))
+        before_encode = time.perf_counter()
+        encoded, text = self.painter.encode(state, drawn.frame, spans)
         stale = erased(screen.spans, spans) if screen and not fresh else b""
-        body = self.session.synchronized(stale + HOME + drawn.encoded.draw + painted(spans))
+        body = self.session.synchronized(stale + HOME + encoded.draw + text)
         before_write = time.perf_counter()
-        self.session.write(fresh + drawn.encoded.upload + body)
+        self.session.write(fresh + encoded.upload + body)
         end = time.perf_counter()
-        self.write_ms = 1e3 * (end - before_write)
+        self.last_ms = {"encode": 1e3 * (before_write - before_encode), "write": 1e3 * (end - before_write)}
         if self.rested:
             self.intervals.clear()
         else:
@@ -139,7 +141,7 @@ class Viewer:
 
     def _drawn(self, wanted: ViewerState) -> Drawn:
         if self.screen and self.screen.picture == wanted:
-            return self.painter.again(self.state, self.screen.drawn)
+            return self.screen.drawn
         return self.painter.draw(self.state)
 
     def _fresh_screen(self) -> bytes:
@@ -155,14 +157,14 @@ class Viewer:
         if self.intervals:
             seconds = sum(self.intervals) / len(self.intervals)
         else:
-            seconds = max(FRAME_SECONDS, time.perf_counter() - start + 1e-3 * self.write_ms)
+            seconds = max(FRAME_SECONDS, time.perf_counter() - start + 1e-3 * sum(self.last_ms.values()))
         height, width = drawn.frame.shape[:2]
         return Measured(
             fps=1.0 / seconds,
             visible=drawn.visible,
             width=width,
             height=height,
-            stage_ms=drawn.stage_ms | {"write": self.write_ms},
+            stage_ms=drawn.stage_ms | self.last_ms,
             terminal=f"{profile.program} {profile.version}".strip(),
             protocol=detected(profile),
         )
@@ -172,7 +174,7 @@ class Viewer:
         start = time.perf_counter()
         # A daemon, so that quitting does not wait for the compiler; the frame itself is drawn again, in
         # the main thread, where its errors belong.
-        worker = threading.Thread(target=self.painter.draw, args=(self.state,), daemon=True)
+        worker = threading.Thread(target=self._first_frame, args=(self.state,), daemon=True)
         worker.start()
         while worker.is_alive() and self.state.running:
             worker.join(0.01)
@@ -181,6 +183,9 @@ class Viewer:
             if seconds > NOTICE_SECONDS:
                 self.session.write(self.session.synchronized(self._notice(seconds)))
                 worker.join(0.1)
+
+    def _first_frame(self, state: ViewerState) -> None:
+        self.painter.encode(state, self.painter.draw(state).frame, [])
 
     def _notice(self, seconds: float) -> bytes:
         size = self.state.size
@@ -191,14 +196,13 @@ class Viewer:
 def detected(profile: Profile) -> str:
     """Return what was found out about a terminal, in a few words."""
     found = {
-        "kitty graphics": profile.kitty_graphics,
+        "kitty": profile.kitty_graphics,
         "sixel": profile.sixel,
         "24-bit": profile.colors > 256,
         "sync": profile.synchronized,
-        "key releases": profile.kitty_keyboard,
-        "pixel mouse": profile.pixel_mouse,
+        "keys": profile.kitty_keyboard,
     }
-    return ", ".join(name for name, present in found.items() if present) or "256 colours"
+    return ", ".join(name for name, present in found.items() if present) or "256 colours only"
 
 
 def _seen(state: ViewerState) -> tuple[object, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from tsplat.encode import FALLBACK_CELL, EncodedFrame, Encoder, encoder
 from tsplat.rendering import Rendering
 from tsplat.terminal.keys import TerminalSize
 from tsplat.viewer.scenes import SceneVariants
+from tsplat.viewer.spans import Span, painted, shaded
 from tsplat.viewer.state import ViewerState
 
 F32 = npt.NDArray[np.float32]
@@ -29,20 +30,18 @@ SAVED_SIDE = 1920
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Drawn:
-    """One frame, ready to be written.
+    """One frame before it is encoded.
 
     Attributes
     ----------
     frame : ndarray of uint8, [H, W, 3]
-    encoded : EncodedFrame
     visible : int
         Splats that touch the image.
     stage_ms : dict of str to float
-        Milliseconds by stage, encoding last.
+        Milliseconds by stage.
     """
 
     frame: U8
-    encoded: EncodedFrame
     visible: int
     stage_ms: dict[str, float]
 
@@ -55,24 +54,20 @@ class Painter:
         self.encoder: Encoder | None = None
 
     def draw(self, state: ViewerState) -> Drawn:
-        """Render and encode one frame."""
-        chosen = self.choose(state)
-        rendering = self.render(state, *frame_size(state, chosen))
-        start = time.perf_counter()
+        """Render a frame of the size that the output needs."""
+        rendering = self.render(state, *frame_size(state, self.choose(state)))
         frame = images.quantize(saturated(rendering.colors, state.saturation))
-        encoded = chosen.encode(
-            frame, state.size.columns, picture_rows(state.size, state.output), state.size.cell_size
-        )
-        stage_ms = rendering.stage_ms | {"encode": 1e3 * (time.perf_counter() - start)}
-        return Drawn(frame, encoded, rendering.visible, stage_ms)
+        return Drawn(frame, rendering.visible, rendering.stage_ms)
 
-    def again(self, state: ViewerState, drawn: Drawn) -> Drawn:
-        """Encode a frame once more, for a screen whose text changed and whose picture did not."""
-        chosen = self.choose(state)
-        encoded = chosen.encode(
-            drawn.frame, state.size.columns, picture_rows(state.size, state.output), state.size.cell_size
-        )
-        return replace(drawn, encoded=encoded)
+    def encode(self, state: ViewerState, frame: U8, spans: Sequence[Span]) -> tuple[EncodedFrame, bytes]:
+        """Return a frame as bytes, and the bytes that put text over it."""
+        columns, rows = state.size.columns, picture_rows(state.size, state.output)
+        pictures_under_text = state.output == "kitty"
+        if pictures_under_text and spans:
+            # Some kitty versions blend backgrounds over a picture wrongly; those in the picture are right.
+            frame = shaded(frame, spans, columns, rows)
+        encoded = self.choose(state).encode(frame, columns, rows, state.size.cell_size)
+        return encoded, painted(spans, backgrounds=not pictures_under_text)
 
     def choose(self, state: ViewerState) -> Encoder:
         """Return the encoder of the state's output."""

@@ -5,18 +5,29 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-STYLES = {
-    "label": "0;38;5;250;48;5;235",
-    "value": "0;1;38;5;231;48;5;235",
-    "selected": "0;1;38;5;231;48;5;25",
-    "title": "0;1;38;5;153;48;5;235",
-    "thumb": "0;38;5;110;48;5;235",
-    "fact": "0;38;5;246;48;5;233",
-    "figure": "0;38;5;252;48;5;233",
-    "badge": "0;1;38;5;231;48;5;235",
-    "message": "0;1;38;5;231;48;5;25",
+import numpy as np
+import numpy.typing as npt
+
+U8 = npt.NDArray[np.uint8]
+RGB = tuple[int, int, int]
+
+STYLES: dict[str, tuple[str, int, RGB]] = {
+    "label": ("38;5;250", 235, (38, 38, 38)),
+    "value": ("1;38;5;231", 235, (38, 38, 38)),
+    "selected": ("1;38;5;231", 25, (0, 95, 175)),
+    "title": ("1;38;5;153", 235, (38, 38, 38)),
+    "thumb": ("38;5;110", 235, (38, 38, 38)),
+    "rule": ("38;5;239", 233, (18, 18, 18)),
+    "fact": ("38;5;246", 233, (18, 18, 18)),
+    "figure": ("38;5;252", 233, (18, 18, 18)),
+    "badge": ("1;38;5;231", 235, (38, 38, 38)),
+    "message": ("1;38;5;231", 25, (0, 95, 175)),
 }
-"""Colours of the 256-colour palette above the 16 that themes change, each with its own background."""
+"""Letters, and the background by its number in the 256-colour palette and as the red, green and blue that
+terminals show for it; none of the 16 colours that themes change."""
+
+PANEL_OPACITY = 0.85
+"""Of a panel that is part of the picture; the scene still shows through."""
 
 Piece = tuple[str, str]
 """Text and the name of its style."""
@@ -80,10 +91,26 @@ def clipped(spans: Iterable[Span], columns: int, rows: int) -> list[Span]:
     return kept
 
 
-def painted(spans: Iterable[Span]) -> bytes:
-    """Return the bytes that draw the spans, colours reset at the end."""
-    parts = [f"\x1b[{row + 1};{column + 1}H\x1b[{STYLES[style]}m{text}" for row, column, text, style in spans]
+def painted(spans: Iterable[Span], *, backgrounds: bool = True) -> bytes:
+    """Return the bytes that draw the spans, colours reset at the end; without backgrounds, letters only."""
+    parts = []
+    for row, column, text, style in spans:
+        letters, background, _ = STYLES[style]
+        colors = f"0;{letters};48;5;{background}" if backgrounds else f"0;{letters}"
+        parts.append(f"\x1b[{row + 1};{column + 1}H\x1b[{colors}m{text}")
     return "".join([*parts, "\x1b[0m"]).encode() if parts else b""
+
+
+def shaded(frame: U8, spans: Iterable[Span], columns: int, rows: int) -> U8:
+    """Return a frame that covers ``columns`` x ``rows`` cells, with the backgrounds of the spans blended in."""
+    frame = frame.copy()
+    down, across = len(frame) / rows, frame.shape[1] / columns
+    for row, column, text, style in spans:
+        top, bottom = round(row * down), round((row + 1) * down)
+        left, right = round(column * across), round((column + width_of(text)) * across)
+        panel = frame[top:bottom, left:right]
+        panel[:] = (1.0 - PANEL_OPACITY) * panel + PANEL_OPACITY * np.array(STYLES[style][2], np.float32)
+    return frame
 
 
 def erased(old: Iterable[Span], new: Iterable[Span]) -> bytes:
