@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from tsplat.camera import PITCH_LIMIT, Camera, Pose, intrinsics
@@ -48,6 +48,7 @@ def test_the_axes_are_opencvs() -> None:
     assert camera.fov_y == pytest.approx(90.0)
 
 
+@settings(deadline=None)
 @given(PLACES, PLACES, UPS)
 def test_looking_at_puts_the_target_in_the_middle_and_up_upwards(eye: Any, target: Any, up: Any) -> None:
     ray = np.subtract(target, eye)
@@ -124,6 +125,7 @@ def test_intrinsics_have_square_pixels_and_a_centred_principal_point() -> None:
     np.testing.assert_allclose(intrinsics(30, 20, 90.0), [[10, 0, 15], [0, 10, 10], [0, 0, 1]])
 
 
+@settings(deadline=None)
 @given(poses(), st.floats(5.0, 170.0))
 def test_a_poses_camera_stands_at_its_eye_and_looks_ahead(pose: Pose, fov_y: float) -> None:
     camera = pose.camera(64, 48, fov_y)
@@ -132,6 +134,7 @@ def test_a_poses_camera_stands_at_its_eye_and_looks_ahead(pose: Pose, fov_y: flo
     np.testing.assert_allclose(camera.viewmat[0, :3], pose.right, atol=1e-5)
 
 
+@settings(deadline=None)
 @given(PLACES, PLACES, UPS)
 def test_a_pose_looks_where_it_was_told(eye: Any, target: Any, up: Any) -> None:
     ray = np.subtract(target, eye, dtype=np.float64)
@@ -145,6 +148,7 @@ def test_a_pose_looks_where_it_was_told(eye: Any, target: Any, up: Any) -> None:
     assert abs(pose.pitch) <= PITCH_LIMIT
 
 
+@settings(deadline=None)
 @given(poses(), ANGLES, st.floats(-3.0, 3.0))
 def test_orbiting_keeps_the_target_and_the_distance(pose: Pose, yaw: float, pitch: float) -> None:
     turned = pose.orbit(yaw, pitch)
@@ -154,12 +158,14 @@ def test_orbiting_keeps_the_target_and_the_distance(pose: Pose, yaw: float, pitc
     assert abs(turned.yaw) <= math.pi
 
 
+@settings(deadline=None)
 @given(poses(), ANGLES)
 def test_orbiting_back_returns(pose: Pose, yaw: float) -> None:
     there_and_back = pose.orbit(yaw, 0.0).orbit(-yaw, 0.0)
     np.testing.assert_allclose(there_and_back.eye, pose.eye, atol=1e-9)
 
 
+@settings(deadline=None)
 @given(poses())
 def test_turning_right_moves_the_view_to_the_right_and_up_upwards(pose: Pose) -> None:
     assert pose.turn(0.1, 0.0).forward @ pose.right > 0.0
@@ -168,6 +174,7 @@ def test_turning_right_moves_the_view_to_the_right_and_up_upwards(pose: Pose) ->
         assert pose.turn(0.0, 0.1).forward @ np.asarray(pose.up) > pose.forward @ np.asarray(pose.up)
 
 
+@settings(deadline=None)
 @given(poses(), st.floats(-5, 5), st.floats(-5, 5), st.floats(-5, 5))
 def test_moving_shifts_the_picture_the_other_way(pose: Pose, right: float, up: float, forward: float) -> None:
     camera = pose.camera(64, 48, 60.0)
@@ -175,6 +182,7 @@ def test_moving_shifts_the_picture_the_other_way(pose: Pose, right: float, up: f
     np.testing.assert_allclose(moved, [right, -up, forward], atol=1e-4)
 
 
+@settings(deadline=None)
 @given(poses(), st.floats(0.01, 100.0))
 def test_zooming_keeps_the_target(pose: Pose, factor: float) -> None:
     zoomed = pose.zoom(factor)
@@ -183,6 +191,7 @@ def test_zooming_keeps_the_target(pose: Pose, factor: float) -> None:
     assert (zoomed.yaw, zoomed.pitch) == (pose.yaw, pose.pitch)
 
 
+@settings(deadline=None)
 @given(poses(), UPS)
 def test_another_up_keeps_eye_and_target(pose: Pose, up: Any) -> None:
     changed = pose.with_up(up)

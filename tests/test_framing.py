@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.scenes import random_gaussians, shared_scenes
@@ -94,7 +94,7 @@ def test_floaters_and_backdrop_do_not_move_the_bulk(backdrop_scale: float) -> No
     rng = np.random.default_rng(3)
     things = random_gaussians(rng, 3000, 0)
     far = rng.normal(size=(150, 3))
-    far *= rng.uniform(20, 1000, (150, 1)) / np.linalg.norm(far, axis=1, keepdims=True)
+    far *= rng.uniform(3, 30, (150, 1)) / np.linalg.norm(far, axis=1, keepdims=True)
     plain = bulk(things)
     with_floaters = bulk(joined(things, cloud(far, (backdrop_scale,) * 3)))
     assert 0.7 < plain.radius < 1.3
@@ -110,6 +110,7 @@ def test_transparent_splats_do_not_count() -> None:
     assert bulk(joined(random_gaussians(rng, 3000, 0), ghosts)).radius < 1.3
 
 
+@settings(deadline=None)
 @given(st.integers(0, 3), st.sampled_from([0.0, 1.0, 1e-20, 1e6, 1e30]), st.sampled_from([0.0, 1e-20, 1.0, 1e12]))
 def test_every_scene_has_a_start_view(count: int, place: float, scale: float) -> None:
     gaussians = cloud(np.full((count, 3), place), (scale,) * 3, opacity=0.5)
@@ -149,6 +150,7 @@ def test_up_of_next_to_nothing_is_minus_y(empty: bool) -> None:
     assert guess_up(cloud(np.zeros((0 if empty else 5, 3)))) == MINUS_Y
 
 
+@settings(deadline=None)
 @given(
     seed=st.integers(0, 99),
     aspect=st.floats(0.2, 5.0),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tsplat.importance import importance, most_important
@@ -16,6 +16,7 @@ def test_importance_grows_with_opacity_and_with_area_but_not_along_a_line() -> N
     assert np.isfinite(scores).all()
 
 
+@settings(deadline=None)
 @given(st.lists(st.integers(-1, 5), max_size=30), st.data())
 def test_the_highest_scores_are_marked_and_among_equals_the_first(scores: list[int], data: st.DataObject) -> None:
     limit = data.draw(st.integers(0, len(scores)))

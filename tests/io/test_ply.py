@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.io.plys import (
@@ -31,7 +31,7 @@ from tests.scenes import random_gaussians, shared_scenes
 from tsplat import io
 from tsplat.errors import CorruptFileError, LoadError, LoadWarning
 from tsplat.importance import importance
-from tsplat.io import ply_rows
+from tsplat.io import ply, ply_rows
 from tsplat.scene import Gaussians
 
 FACES = Table(
@@ -83,6 +83,7 @@ def _value(rng: np.random.Generator, code: str, name: str) -> float:
     return int(rng.integers(1 if name == "rot_0" else 0, 9))
 
 
+@settings(deadline=None)
 @given(ply_files())
 def test_every_encoding_means_what_the_slow_reader_says(
     tmp_path_factory: pytest.TempPathFactory, file: tuple[bytes, list[dict[str, float]]]
@@ -187,6 +188,16 @@ def test_a_file_cut_anywhere_is_refused(tmp_path: Path, kind: str) -> None:
     for length in range(1, len(whole)):
         with pytest.raises(CorruptFileError, match=r"scene\.ply"):
             load_bytes(tmp_path, whole[:length])
+
+
+def test_rows_missing_behind_lists_are_noticed_before_anything_is_allocated(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lists = Table("face", [("list ushort int", "vertex_indices")], [[list(range(5000))]])
+    raw = ply_bytes([lists, splats([one_splat()])]).replace(b"element vertex 1\n", b"element vertex 9\n")
+    monkeypatch.delattr(ply, "Decoder")
+    with pytest.raises(CorruptFileError, match="ends in row 1 of 9 of 'vertex'"):
+        load_bytes(tmp_path, raw)
 
 
 def test_a_text_file_cut_between_two_words_is_refused(tmp_path: Path) -> None:
