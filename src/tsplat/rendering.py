@@ -49,6 +49,11 @@ JACOBIAN_LIMIT = 1.3
 SIGMA_EXTENT = math.sqrt(2.0 * math.log(255.0))
 """Standard deviations at which even an opaque splat falls below ALPHA_MIN: 3.33, so it cuts nothing more."""
 
+DEPTH_BITS_IGNORED = 7
+"""Low bits of a float32 depth that do not count in sorting: depths within 1.5e-5 of each other are
+equal, and equal ones keep the order of the file. Below that, float32 holds the noise of the
+projection, and neighbours would swap places, visibly, whenever the camera moves."""
+
 TRAIN_FOCAL_GUESS = 1100.0
 """Focal length in pixels assumed for ``relative`` where no training camera is known: a phone's or
 a DSLR's pictures downsampled to about 1.2 megapixels, as the common datasets are trained."""

@@ -100,5 +100,5 @@ def test_held_out_photographs_are_seen_the_right_way_round() -> None:
         photograph = np.asarray(Image.open(next(SNOWMIKU.glob(f"images_16/{view.name}*"))).convert("RGB")) / 255
         height, width = photograph.shape[:2]
         image = rasterize(scene, view.camera.resized(width, height), RenderOptions(depths=False)).colors
-        assert psnr(image, photograph) > 25.0
+        assert psnr(image, photograph) > 23.0
         assert psnr(image[:, ::-1], photograph) < 18.0

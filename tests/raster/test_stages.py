@@ -16,7 +16,7 @@ from tsplat.raster.prepare import BLOCK, Prepared, prepared
 from tsplat.raster.project import project
 from tsplat.raster.sh import color_visible
 from tsplat.raster.sort import MAX_BUCKETS, into_buckets, sort_bucket
-from tsplat.rendering import RenderOptions
+from tsplat.rendering import DEPTH_BITS_IGNORED, RenderOptions
 
 
 def visible_rows(scene: Prepared) -> np.ndarray:
@@ -104,9 +104,9 @@ def test_every_tile_lists_the_splats_whose_boxes_touch_it_and_no_others(threads:
         expected = rows[(left <= x) & (x <= right) & (top <= y) & (y <= bottom)]
         keys = scene.isect_keys[isect_offsets[tile] : isect_offsets[tile + 1]]
         assert sorted(keys & np.uint64(0xFFFFFFFF)) == sorted(expected)
-        depths = (keys >> np.uint64(32)).astype(np.uint32).view(np.float32)
-        np.testing.assert_array_equal(
-            depths, scene.records[(keys & np.uint64(0xFFFFFFFF)).astype(int), record.DEPTH]
+        depths = (keys >> np.uint64(32) << np.uint64(DEPTH_BITS_IGNORED)).astype(np.uint32).view(np.float32)
+        np.testing.assert_allclose(
+            depths, scene.records[(keys & np.uint64(0xFFFFFFFF)).astype(int), record.DEPTH], rtol=2e-5
         )
 
 

@@ -1,6 +1,6 @@
 """Stage 3: which splats touch which tile: count, scan, scatter.
 
-Each pair of a tile and a splat becomes one 64-bit key, the depth above the record's number. Within
+Each pair of a tile and a splat becomes one 64-bit key, its depth above the record's number. Within
 a tile the keys are left unsorted: `sort` does that while they are in the cache, and only as far as needed.
 """
 
@@ -13,6 +13,7 @@ from tsplat._jit import kernel
 from tsplat.raster import record as col
 from tsplat.raster.prepare import BLOCK, Prepared
 from tsplat.raster.workers import on_threads
+from tsplat.rendering import DEPTH_BITS_IGNORED
 
 
 def bin_tiles(scene: Prepared, tile_columns: int, tile_count: int, threads: int) -> npt.NDArray[np.int64]:
@@ -62,7 +63,8 @@ def _scatter(worker, first_blocks, tile_columns, tiles, visible, record_bits, cu
     for block in range(first_blocks[worker], first_blocks[worker + 1]):
         for record in range(block * BLOCK, block * BLOCK + visible[block]):
             r = np.uint64(record)
-            key = (np.uint64(record_bits[r, col.DEPTH]) << np.uint64(32)) | r
+            depth = np.uint64(record_bits[r, col.DEPTH] >> np.uint32(DEPTH_BITS_IGNORED))
+            key = (depth << np.uint64(32)) | r
             left, right = np.int64(tiles[r, 0]), np.int64(tiles[r, 2])
             for row in range(np.int64(tiles[r, 1]), np.int64(tiles[r, 3]) + 1):
                 for tile in range(row * tile_columns + left, row * tile_columns + right + 1):

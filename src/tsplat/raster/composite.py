@@ -11,7 +11,20 @@ import numpy as np
 import numpy.typing as npt
 
 from tsplat._jit import claim, kernel
-from tsplat._lanes import exp2, fma, largest, load, maximum, minimum, prefetch, splat, store, where_at_least
+from tsplat._lanes import (
+    exp2,
+    fma,
+    largest,
+    load,
+    maximum,
+    minimum,
+    minus_abs,
+    prefetch,
+    splat,
+    store,
+    where_above,
+    where_at_least,
+)  # fmt: skip
 from tsplat.raster import record as col
 from tsplat.raster.sort import MAX_BUCKETS, into_buckets, sort_bucket
 from tsplat.rendering import ALPHA_MAX, TRANSMITTANCE_MIN
@@ -31,9 +44,6 @@ CELL = CHANNELS * 8
 
 LANE_X = np.arange(8, dtype=np.float32) % CELL_WIDTH
 LANE_Y = (np.arange(8) // CELL_WIDTH).astype(np.float32)
-
-DARK = 1e-20
-"""Transmittance falls no lower: denormal numbers would take three times as long as others."""
 
 CHECK_EVERY = 32
 """Splats between two looks at whether a tile still lets light through."""
@@ -76,7 +86,7 @@ def _blend_buckets(tile, left, top, keys, bucket_ends, buckets, records, flat_re
         since_check += end - first
         if since_check >= CHECK_EVERY:
             since_check = 0
-            if _most_light(tile) < np.float32(TRANSMITTANCE_MIN):
+            if _most_light(tile) < np.float32(0.0):
                 return
         first = end
 
@@ -125,8 +135,11 @@ def _blend_cell(tile, at, dx, a, b_dy, constant, log2_cut, red, green, blue, dep
     log2_alpha = fma(fma(a, dx, b_dy), dx, constant)
     alpha = where_at_least(log2_alpha, log2_cut, minimum(exp2(log2_alpha), splat(np.float32(ALPHA_MAX))))
     light = load(tile, at)
-    weight = alpha * light
-    store(tile, at, maximum(light - weight, splat(np.float32(DARK))))
+    # A pixel is finished before the splat that would leave it too little light; its sign says so from then
+    # on, and as what is left of a negative light is negative, nothing is blended into it any more.
+    least, left_over = splat(np.float32(TRANSMITTANCE_MIN)), light - alpha * light
+    weight = where_above(left_over, least, alpha * light, splat(np.float32(0.0)))
+    store(tile, at, where_above(left_over, least, left_over, minus_abs(light)))
     store(tile, at + 8, fma(weight, red, load(tile, at + 8)))
     store(tile, at + 16, fma(weight, green, load(tile, at + 16)))
     store(tile, at + 24, fma(weight, blue, load(tile, at + 24)))
@@ -136,7 +149,7 @@ def _blend_cell(tile, at, dx, a, b_dy, constant, log2_cut, red, green, blue, dep
 
 @kernel
 def _clear(tile, width, height):
-    """Full light, no colour; no light in pixels outside the image, so that they never keep a tile open."""
+    """Full light, no colour; pixels outside the image are finished, so that they never keep a tile open."""
     zero, full = splat(np.float32(0.0)), splat(np.float32(1.0))
     for at in range(0, len(tile), 8):
         store(tile, at, zero)
@@ -147,12 +160,12 @@ def _clear(tile, width, height):
         else:
             for lane in range(8):
                 inside = x + lane % CELL_WIDTH < width and y + lane // CELL_WIDTH < height
-                tile[cell * CELL + lane] = np.float32(1.0 if inside else 0.0)
+                tile[cell * CELL + lane] = np.float32(1.0 if inside else -1.0)
 
 
 @kernel
 def _most_light(tile):
-    """Return the largest transmittance of a tile."""
+    """Return the largest transmittance of a tile, negative when every pixel is finished."""
     most = load(tile, 0)
     for cell in range(1, CELL_COLUMNS * CELL_ROWS):
         most = maximum(most, load(tile, cell * CELL))
@@ -167,7 +180,7 @@ def _write(tile, left, top, background, colors, alphas, depths):
         for column in range(min(TILE, width - left)):
             cell = row // CELL_HEIGHT * CELL_COLUMNS + column // CELL_WIDTH
             at = cell * CELL + row % CELL_HEIGHT * CELL_WIDTH + column % CELL_WIDTH
-            x, y, light = left + column, top + row, tile[at]
+            x, y, light = left + column, top + row, abs(tile[at])
             for channel in range(3):
                 colors[y, x, channel] = tile[at + 8 * (channel + 1)] + light * background[channel]
             alpha = np.float32(1.0) - light

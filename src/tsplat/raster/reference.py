@@ -12,7 +12,14 @@ import numpy as np
 import numpy.typing as npt
 
 from tsplat.camera import Camera
-from tsplat.rendering import ALPHA_MAX, JACOBIAN_LIMIT, TRANSMITTANCE_MIN, Rendering, RenderOptions
+from tsplat.rendering import (
+    ALPHA_MAX,
+    DEPTH_BITS_IGNORED,
+    JACOBIAN_LIMIT,
+    TRANSMITTANCE_MIN,
+    Rendering,
+    RenderOptions,
+)
 from tsplat.scene import SH_COEFFICIENTS, Gaussians
 
 F64 = npt.NDArray[np.float64]
@@ -133,10 +140,10 @@ def sh_basis(directions: F64) -> F64:
 
 
 def sort(depths: F64, options: RenderOptions) -> Index:
-    """Return the indices of the splats between the planes, nearest first."""
-    order = np.argsort(depths, kind="stable")
-    kept = (depths[order] > options.near_plane) & (depths[order] < options.far_plane)
-    return order[kept]
+    """Return the indices of the splats between the planes, nearest first, equal depths in file order."""
+    kept = np.flatnonzero((depths > options.near_plane) & (depths < options.far_plane))
+    keys = depths[kept].astype(np.float32).view(np.uint32) >> DEPTH_BITS_IGNORED
+    return kept[np.argsort(keys, kind="stable")]
 
 
 def composite(
