@@ -82,29 +82,30 @@ def prepared(gaussians: Gaussians, threads: int) -> Prepared:
 
 def _prepare(gaussians: Gaussians, threads: int) -> Prepared:
     n = len(gaussians)
-    means, covars = np.empty((3, n), np.float32), np.empty((6, n), np.float32)
-    log2_opacities = np.empty(n, np.float32)
-    on_threads(threads, _prepare_blocks, np.zeros(1, np.int64), gaussians.means, gaussians.quats, gaussians.scales,
-               gaussians.opacities, means, covars, log2_opacities)  # fmt: skip
-    return Prepared(
-        means,
-        covars,
-        log2_opacities,
+    scene = Prepared(
+        means=np.empty((3, n), np.float32),
+        covars=np.empty((6, n), np.float32),
+        log2_opacities=np.empty(n, np.float32),
         records=np.empty((n, record.LENGTH), np.float32),
         ids=np.empty(n, np.int32),
         tiles=np.empty((n, 4), np.uint16),
         visible=np.empty(-(-n // BLOCK), np.int32),
         isect_keys=np.empty(0, np.uint64),
     )
+    on_threads(threads, _prepare_blocks, np.zeros(1, np.int64), gaussians.means, gaussians.quats, gaussians.scales,
+               gaussians.opacities, scene.means, scene.covars, scene.log2_opacities, scene.records)  # fmt: skip
+    return scene
 
 
 @kernel
-def _prepare_blocks(worker, counter, means, quats, scales, opacities, out_means, covars, log2_opacities):
+def _prepare_blocks(worker, counter, means, quats, scales, opacities, out_means, covars, log2_opacities, records):
     n = len(means)
     while True:
         start = claim(counter) * BLOCK
         if start >= n:
             return
+        # The first touch of a page costs more than what is computed for it: better now than in a frame.
+        records[start : start + BLOCK] = np.float32(0.0)
         for i in range(start, min(start + BLOCK, n)):
             for axis in range(3):
                 out_means[axis, i] = means[i, axis]

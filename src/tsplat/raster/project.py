@@ -18,6 +18,9 @@ from tsplat.rendering import JACOBIAN_LIMIT, RenderOptions
 
 LOG2_E = math.log2(math.e)
 
+STRIDE = np.uint64(BLOCK)
+"""BLOCK, unsigned as the indices are: a constant distance that LLVM can prove free of overlap."""
+
 
 def project(scene: Prepared, camera: Camera, options: RenderOptions, tile_size: int) -> int:
     """Fill ``records``, ``ids``, ``tiles`` and ``visible`` of a prepared scene, all but the colours.
@@ -46,8 +49,8 @@ def project(scene: Prepared, camera: Camera, options: RenderOptions, tile_size: 
 @kernel
 def _project_blocks(worker, counter, numbers, width, height, tile_size, means, covars, log2_opacities,
                     records, ids, tiles, visible):  # fmt: skip
-    # One row for each quantity of a block: what the vector loop leaves for the scalar one.
-    scratch = np.empty((10, BLOCK), np.float32)
+    # What the vector loop leaves for the scalar one, a stretch of BLOCK values for each quantity.
+    scratch = np.empty(10 * BLOCK, np.float32)
     n = log2_opacities.shape[0]
     while True:
         block = claim(counter)
@@ -92,12 +95,16 @@ def _project_block(start, count, numbers, means, covars, log2_opacities, scratch
         inverse = one / (a * d - b * b)
         log2_opacity = log2_opacities[i] + half * _log2(max(determinant_reference * inverse, np.float32(1e-12)))
         squared_radius = min(two_ln2 * (log2_opacity - log2_alpha_min), squared_extent)
-        scratch[0, k], scratch[1, k], scratch[2, k] = fx * x + cx - half, fy * y + cy - half, z
-        scratch[3, k], scratch[4, k], scratch[5, k] = d * inverse, b * inverse, a * inverse
-        scratch[6, k] = log2_opacity
-        scratch[7, k] = squared_radius
-        scratch[8, k] = math.sqrt(max(squared_radius * a, np.float32(0.0)))
-        scratch[9, k] = math.sqrt(max(squared_radius * d, np.float32(0.0)))
+        scratch[k], scratch[1 * STRIDE + k], scratch[2 * STRIDE + k] = fx * x + cx - half, fy * y + cy - half, z
+        scratch[3 * STRIDE + k], scratch[4 * STRIDE + k], scratch[5 * STRIDE + k] = (
+            d * inverse,
+            b * inverse,
+            a * inverse,
+        )
+        scratch[6 * STRIDE + k] = log2_opacity
+        scratch[7 * STRIDE + k] = squared_radius
+        scratch[8 * STRIDE + k] = math.sqrt(max(squared_radius * a, np.float32(0.0)))
+        scratch[9 * STRIDE + k] = math.sqrt(max(squared_radius * d, np.float32(0.0)))
 
 
 @kernel
@@ -121,19 +128,24 @@ def _keep_visible(start, count, numbers, width, height, tile_size, scratch, reco
     zero, last_x, last_y = np.float32(0.0), np.float32(width - 1), np.float32(height - 1)
     kept = start
     for j in range(count):
-        depth, squared_radius = scratch[2, j], scratch[7, j]
+        depth, squared_radius = scratch[2 * BLOCK + j], scratch[7 * BLOCK + j]
         if not (near < depth < far and squared_radius > zero):
             continue
-        x, y, radius_x, radius_y = scratch[0, j], scratch[1, j], scratch[8, j], scratch[9, j]
+        x, y, radius_x, radius_y = (
+            scratch[j],
+            scratch[1 * BLOCK + j],
+            scratch[8 * BLOCK + j],
+            scratch[9 * BLOCK + j],
+        )
         left, right = max(math.ceil(x - radius_x), zero), min(math.floor(x + radius_x), last_x)
         top, bottom = max(math.ceil(y - radius_y), zero), min(math.floor(y + radius_y), last_y)
         if not (left <= right and top <= bottom):
             continue
-        log2_opacity = scratch[6, j]
+        log2_opacity = scratch[6 * BLOCK + j]
         records[kept, col.X], records[kept, col.Y], records[kept, col.DEPTH] = x, y, depth
-        records[kept, col.CONIC_A] = fold * scratch[3, j]
-        records[kept, col.CONIC_B] = -(fold + fold) * scratch[4, j]
-        records[kept, col.CONIC_C] = fold * scratch[5, j]
+        records[kept, col.CONIC_A] = fold * scratch[3 * BLOCK + j]
+        records[kept, col.CONIC_B] = -(fold + fold) * scratch[4 * BLOCK + j]
+        records[kept, col.CONIC_C] = fold * scratch[5 * BLOCK + j]
         records[kept, col.LOG2_OPACITY] = log2_opacity
         records[kept, col.LOG2_CUT] = max(log2_alpha_min, log2_opacity + fold * squared_extent)
         records[kept, col.LEFT], records[kept, col.TOP] = left, top

@@ -10,11 +10,11 @@ import numpy as np
 
 from tsplat._jit import kernel
 
-MAX_BUCKETS = 1024
-"""Enough for about eight splats a bucket in a crowded tile; the counters stay in the first-level cache."""
+MAX_BUCKETS = 2048
+"""Enough for about two splats a bucket in most tiles; the counters stay in the first-level cache."""
 
-SHELL_GAPS = (701, 301, 132, 57, 23, 10, 4, 1)
-"""Ciura 2001; buckets are small, so mostly the last is used, which is insertion sort."""
+SHELL_GAPS = (57, 10, 1)
+"""Every other gap of Ciura 2001; buckets are small, so mostly the last is used, which is insertion sort."""
 
 
 @kernel
@@ -28,7 +28,7 @@ def into_buckets(isect_keys, first, end, sorted_keys, bucket_ends):
     for i in range(first, end):
         key = isect_keys[np.uint64(i)]
         low, high = min(low, key), max(high, key)
-    wanted = min(max((end - first) >> 3, 1), MAX_BUCKETS)
+    wanted = min(max((end - first) >> 1, 1), MAX_BUCKETS)
     shift = np.uint64(0)
     span = high - low
     while (span >> shift) >= np.uint64(wanted):
