@@ -1,22 +1,41 @@
-"""The one place that touches the tty: raw mode, the alternate screen, input and output, all given back."""
+"""A terminal taken over: raw mode, the alternate screen, input and output, all given back at the end."""
 
 from __future__ import annotations
 
+import contextlib
 import os
+import select
+import signal
+import time
 from collections.abc import Mapping
 from types import TracebackType
+from typing import TYPE_CHECKING
 
-from tsplat.terminal.keys import Event, TerminalSize
+from tsplat.errors import TerminalError
+from tsplat.terminal import probe
+from tsplat.terminal.keys import Event, Resize, TerminalSize
+from tsplat.terminal.modes import SCREEN, reports_pixels, turn_off, turn_on
+from tsplat.terminal.parser import Parser, PixelReport
 from tsplat.terminal.probe import Profile
+
+if TYPE_CHECKING:
+    from tsplat.terminal.device import Device
+    from tsplat.terminal.signals import Signals
+
+ESCAPE_DELAY = 0.05
+"""Seconds after which an escape with nothing behind it was the key; SSH delivers sequences in one piece."""
+
+_FALLBACK_SIZE = (80, 24)
 
 
 class Session:
     """A terminal taken over for full-screen drawing; a context manager that gives it back as it was.
 
     Entering opens the terminal, puts it into raw mode without signals (Ctrl-C arrives as the key
-    "ctrl+c", Ctrl-Z as "ctrl+z"), asks what it can do unless a profile was given, and turns on the
-    alternate screen, the mouse and, where known, the kitty keyboard; the cursor is hidden and autowrap is off.
-    Leaving, also by an exception, SIGTERM or SIGHUP, undoes all that in reverse order.
+    "ctrl+c", Ctrl-Z as "ctrl+z"), switches to the alternate screen, asks what the terminal can do unless
+    a profile was given, and turns on the mouse and, where there is one, the kitty keyboard; the cursor is
+    hidden and autowrap is off. Leaving, also by an exception, SIGTERM or SIGHUP, undoes all that in
+    reverse order.
 
     Parameters
     ----------
@@ -25,29 +44,53 @@ class Session:
     environment : mapping of str to str
         Environment variables.
 
+    Attributes
+    ----------
+    profile : Profile
+        What the terminal can do; known once entered.
+
     Raises
     ------
     TerminalError
         On entering: there is no terminal.
     """
 
-    profile: Profile
-    """What the terminal can do; known once entered."""
-
     def __init__(self, profile: Profile | None = None, environment: Mapping[str, str] = os.environ) -> None:
-        raise NotImplementedError
+        self.profile = profile or Profile()
+        self._known, self._environment = profile is not None, environment
+        self._parser = Parser()
+        self._waiting: list[Event] = []
+        self._cell_size: tuple[int, int] | None = None
+        self._device: Device
+        self._signals: Signals
 
     def __enter__(self) -> Session:
-        raise NotImplementedError
+        try:
+            from tsplat.terminal.device import Device
+            from tsplat.terminal.signals import Signals
+        except ImportError as error:  # Windows has no termios
+            raise TerminalError("the viewer needs a POSIX terminal; use WSL, or 'tsplat render'") from error
+        self._device, self._signals = Device(), Signals()
+        try:
+            self._take()
+        except BaseException:
+            self._close()
+            raise
+        return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        raise NotImplementedError
+        self._close()
 
     def size(self) -> TerminalSize:
-        """Return the size now."""
-        raise NotImplementedError
+        """Return the size now; 80 x 24 where the terminal does not say."""
+        columns, rows, width, height = self._device.window_size()
+        columns, rows = columns or _FALLBACK_SIZE[0], rows or _FALLBACK_SIZE[1]
+        # The window's pixels may include a border, and are often missing; the terminal's answer is better.
+        return TerminalSize(
+            columns, rows, *(self._cell_size or _cell_size(columns, rows, width, height) or (0, 0))
+        )
 
     def events(self, timeout: float) -> list[Event]:
         """Return what happened, as soon as something did; an empty list after ``timeout`` seconds.
@@ -57,7 +100,17 @@ class Session:
         TerminalError
             The terminal went away.
         """
-        raise NotImplementedError
+        deadline = time.monotonic() + timeout
+        while not self._waiting:
+            ready = self._ready(max(0.0, deadline - time.monotonic()))
+            if self._signals in ready:
+                self._heed(self._signals.noted())
+            if self._device.input in ready:
+                self._receive()
+            if not ready:
+                break
+        events, self._waiting = self._waiting, []
+        return events
 
     def write(self, screen: bytes) -> None:
         """Write all bytes; returns when the terminal has taken them.
@@ -67,16 +120,103 @@ class Session:
         TerminalError
             The terminal went away.
         """
-        raise NotImplementedError
+        self._device.write(screen)
 
     def synchronized(self, screen: bytes) -> bytes:
         """Return bytes that show ``screen`` in one step where the terminal can, else ``screen`` itself.
 
         A frame is ``session.write(encoded.upload + session.synchronized(encoded.draw + hud))``.
         """
-        raise NotImplementedError
+        return b"\x1b[?2026h" + screen + b"\x1b[?2026l" if self.profile.synchronized else screen
 
     def suspend(self) -> None:
-        """Give the terminal back, stop the process as Ctrl-Z does, and take the terminal again when it
-        is resumed; the next `events` then begins with a `Resize`."""
-        raise NotImplementedError
+        """Give the terminal back and stop as Ctrl-Z does; take the terminal again when continued.
+
+        The next `events` begins with a `Resize`; all that was on screen is gone.
+        """
+        self._give_back()
+        self._signals.stop()
+        self._take()
+        self._waiting.insert(0, Resize(self.size()))
+
+    def _take(self) -> None:
+        self._device.set_raw()
+        self.write(SCREEN[0])
+        if not self._known:
+            # Asked on the alternate screen, where what a terminal prints by mistake harms nobody.
+            self._ask()
+        self._set_cell_size(self.profile.cell_size)
+        self.write(turn_on(self.profile))
+
+    def _ask(self) -> None:
+        """Learn what the terminal can do; what a person typed meanwhile is not lost."""
+        self.write(probe.questions(self._environment))
+        deadline, replies = time.monotonic() + probe.patience(self._environment), b""
+        while not probe.answered(replies) and (left := deadline - time.monotonic()) > 0:
+            if self._device.input in self._ready(left, self._device.input):
+                replies += self._device.read()
+        self.profile, self._known = probe.detect(self._environment, replies), True
+        self._waiting += [event for event in self._parser.feed(replies) if not isinstance(event, PixelReport)]
+
+    def _close(self) -> None:
+        try:
+            self._signals.ignore_fatal()  # a second SIGTERM must not stop this half way
+        finally:
+            try:
+                self._give_back()
+            finally:
+                self._signals.close()
+                self._device.close()
+
+    def _give_back(self) -> None:
+        with contextlib.suppress(TerminalError):  # it may be gone, which may be why we are here
+            self.write(turn_off(self.profile))
+        self._device.restore()
+
+    def _ready(self, timeout: float, *sources: int | Signals) -> list[int | Signals]:
+        sources = sources or (self._device.input, self._signals)
+        return select.select(sources, [], [], timeout)[0]
+
+    def _receive(self) -> None:
+        parsed = self._parser.feed(self._device.read())
+        if self._parser.pending:
+            more = self._ready(ESCAPE_DELAY, self._device.input)
+            parsed += self._parser.feed(self._device.read()) if more else self._parser.flush()
+        for event in parsed:
+            if isinstance(event, PixelReport):
+                self._measure(event)
+            else:
+                self._waiting.append(event)
+
+    def _heed(self, signals: set[int]) -> None:
+        if signal.SIGTSTP in signals:
+            self.suspend()
+        elif signal.SIGCONT in signals:
+            # Stopped from outside without notice; the shell has since set the terminal as it likes.
+            self._give_back()
+            self._take()
+            self._waiting.append(Resize(self.size()))
+        elif signal.SIGWINCH in signals:
+            self._waiting.append(Resize(self.size()))
+            self.write(probe.size_questions(self.profile))
+
+    def _measure(self, report: PixelReport) -> None:
+        """Take the size of a cell from a late answer; another size than before is a `Resize`."""
+        before, columns_rows = self.size(), self._device.window_size()[:2]
+        if report.kind == 6:
+            self._set_cell_size((report.width, report.height))
+        elif self.profile.cell_size is None:
+            self._set_cell_size(_cell_size(*columns_rows, report.width, report.height))
+        if self.size() != before:
+            self._waiting.append(Resize(self.size()))
+
+    def _set_cell_size(self, cell_size: tuple[int, int] | None) -> None:
+        columns, rows = self._device.window_size()[:2]
+        self._cell_size = cell_size or _cell_size(columns, rows, *(self.profile.window_size or (0, 0)))
+        if cell_size and reports_pixels(self.profile):
+            self._parser.mouse_unit = cell_size
+
+
+def _cell_size(columns: int, rows: int, width: int, height: int) -> tuple[int, int] | None:
+    """Return the size of a cell in a window of this size, None where something is not known."""
+    return (width // columns, height // rows) if min(columns, rows, width, height) > 0 else None

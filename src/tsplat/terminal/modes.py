@@ -1,0 +1,54 @@
+"""What is turned on for a session, each with what turns it off again.
+
+By hand rather than with blessed: its `mouse_enabled()` and `synchronized_output()` do nothing where the
+terminal does not answer DECRQM (tmux, alacritty, konsole, mosh), although the modes work there.
+"""
+
+from __future__ import annotations
+
+from tsplat.terminal.probe import Profile
+
+SCREEN = (b"\x1b[?1049h\x1b[?25l", b"\x1b[?25h\x1b[?1049l")
+"""The alternate screen, without a cursor. Leaving it brings the shell's screen back: nothing may follow."""
+
+UNFINISHED = b"\x1b\\\x1b[?2026l\x1b[0m"
+"""Ends what an interrupted write may have begun: a picture, a synchronized update, a colour."""
+
+SIXEL_COLORS = 256
+
+Mode = tuple[bytes, bytes]
+
+
+def modes(profile: Profile) -> list[Mode]:
+    """Return what to turn on after `SCREEN`, in order, with what turns it off."""
+    chosen = [
+        (b"\x1b[?7l", b"\x1b[?7h"),  # no autowrap: a picture that reaches the last column moves nothing
+        (b"\x1b[?1002h\x1b[?1006h", b"\x1b[?1006l\x1b[?1002l"),  # buttons, drags and wheel, in decimal
+        (b"\x1b[?1004h", b"\x1b[?1004l"),  # focus
+    ]
+    if reports_pixels(profile):
+        chosen.append((b"\x1b[?1016h", b"\x1b[?1016l"))
+    if profile.kitty_keyboard:
+        # Unambiguous keys, releases, and the shifted character too, or the release of "+" would be one of "=".
+        chosen.append((b"\x1b[>7u", b"\x1b[<u"))
+    if profile.kitty_graphics:
+        chosen.append((b"", b"\x1b_Ga=d,d=A,q=2\x1b\\"))
+    if profile.sixel and 0 < profile.sixel_colors < SIXEL_COLORS:
+        # xterm as a VT340 starts with 16 colour registers, but lends more.
+        chosen.append((b"\x1b[?1;3;%dS" % SIXEL_COLORS, b"\x1b[?1;3;%dS" % profile.sixel_colors))
+    return chosen
+
+
+def turn_on(profile: Profile) -> bytes:
+    """Return what turns on all modes but the screen: a second time, that would forget the shell's cursor."""
+    return b"".join(on for on, _ in modes(profile))
+
+
+def turn_off(profile: Profile) -> bytes:
+    """Return what turns off all modes, in reverse order, the screen last."""
+    return UNFINISHED + b"".join(off for _, off in reversed([SCREEN, *modes(profile)]))
+
+
+def reports_pixels(profile: Profile) -> bool:
+    """Return whether the mouse is asked for pixels: only where a cell's size is known can they be cells again."""
+    return profile.pixel_mouse and profile.cell_size is not None
