@@ -23,7 +23,9 @@ from numba.extending import intrinsic
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-JIT = not numba.config.DISABLE_JIT
+_config: Any = numba.config
+
+JIT = not _config.DISABLE_JIT
 """False under NUMBA_DISABLE_JIT: kernels and lanes then run as plain Python, for tests and debuggers."""
 
 FASTMATH = {"contract", "arcp", "nsz"}
@@ -58,7 +60,7 @@ def _cache_folder() -> Path | None:
 
 def _source_digest() -> str:
     """Return a name for all that decides the machine code besides the processor, which Numba checks."""
-    digest = hashlib.sha256(f"{numba.__version__} {numba.config.BOUNDSCHECK}".encode())
+    digest = hashlib.sha256(f"{numba.__version__} {_config.BOUNDSCHECK}".encode())
     for path in sorted(Path(__file__).parent.rglob("*.py")):
         source = path.read_bytes()
         if b"tsplat._jit" in source or b"tsplat._lanes" in source:
@@ -70,12 +72,12 @@ def _source_digest() -> str:
 @contextmanager
 def _numba_cache_dir(folder: Path | None) -> Iterator[None]:
     # Numba asks for its cache folder once, when the decorator runs; other users of Numba keep theirs.
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(folder or "")
+    before = _config.CACHE_DIR
+    _config.CACHE_DIR = str(folder or "")
     try:
         yield
     finally:
-        numba.config.CACHE_DIR = before
+        _config.CACHE_DIR = before
 
 
 def device(function: Callable[..., Any]) -> Any:

@@ -16,6 +16,7 @@ from tsplat.errors import CameraError
 
 F64 = npt.NDArray[np.float64]
 Vector = tuple[float, float, float]
+Point = Sequence[float] | npt.NDArray[np.floating]
 
 MAX_SIDE = 16384
 """Longest side of an image in pixels: tile coordinates and memory stay small."""
@@ -67,9 +68,9 @@ class Camera:
     @classmethod
     def look_at(
         cls,
-        eye: Sequence[float],
-        target: Sequence[float],
-        up: Sequence[float],
+        eye: Point,
+        target: Point,
+        up: Point,
         *,
         width: int,
         height: int,
@@ -79,9 +80,9 @@ class Camera:
 
         Parameters
         ----------
-        eye, target : sequence of 3 floats
+        eye, target : sequence or array of 3 floats
             Positions in world units; they must differ.
-        up : sequence of 3 floats
+        up : sequence or array of 3 floats
             Direction in the world; when it lies along the view, another one is chosen.
         width, height : int
             Size of the image in pixels.
@@ -151,7 +152,7 @@ class Pose:
     up: Vector = (0.0, -1.0, 0.0)
 
     @classmethod
-    def look_at(cls, eye: Sequence[float], target: Sequence[float], up: Sequence[float]) -> Pose:
+    def look_at(cls, eye: Point, target: Point, up: Point) -> Pose:
         """Return the pose at ``eye`` whose target is ``target``."""
         ray = np.subtract(target, eye, dtype=np.float64)
         forward = _unit(ray, "target - eye")
@@ -202,7 +203,7 @@ class Pose:
         distance = self.distance * factor
         return replace(self, eye=_vector(self.target - distance * self.forward), distance=distance)
 
-    def with_up(self, up: Sequence[float]) -> Pose:
+    def with_up(self, up: Point) -> Pose:
         """Return this pose, eye and target kept, with another direction upright."""
         return Pose.look_at(self.eye, _vector(self.target), up)
 
@@ -243,6 +244,6 @@ def _unit(vector: F64, name: str) -> F64:
     return vector / length
 
 
-def _vector(values: Sequence[float] | F64) -> Vector:
+def _vector(values: Point) -> Vector:
     x, y, z = (float(value) for value in values)
     return x, y, z

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
@@ -14,7 +16,7 @@ from tsplat.scene import Gaussians
 def psnr(image: npt.ArrayLike, truth: npt.ArrayLike) -> float:
     """Return the peak signal-to-noise ratio in dB for a peak of 1."""
     error = float(np.mean((np.asarray(image, np.float64) - np.asarray(truth, np.float64)) ** 2))
-    return -10.0 * np.log10(max(error, 1e-20))
+    return -10.0 * math.log10(max(error, 1e-20))
 
 
 def assert_like_reference(gaussians: Gaussians, camera: Camera, options: RenderOptions) -> Rendering:

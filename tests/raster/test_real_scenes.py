@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tsplat.framing import bulk
 
 from tests.raster.compare import assert_like_reference
 from tests.scenes import shared_scenes
 from tsplat._jit import JIT
 from tsplat.camera import Camera
+from tsplat.framing import bulk
 from tsplat.io import demo_path, load
 from tsplat.rendering import RenderOptions
 from tsplat.scene import Gaussians
