@@ -12,6 +12,7 @@ import pytest
 from tests.viewer.states import a_state
 from tsplat.encode import EncodedFrame
 from tsplat.errors import SaveError
+from tsplat.rendering import RenderOptions
 from tsplat.terminal.keys import Event, Key, Mouse, Resize, TerminalSize
 from tsplat.terminal.probe import Profile
 from tsplat.viewer.loop import REST_SECONDS, Viewer
@@ -197,8 +198,21 @@ def test_a_slow_start_says_what_it_waits_for_and_can_be_quit(tmp_path: Path) -> 
         Viewer(terminal, SlowPainter(), a_state(), "tsplat-x", tmp_path).run()
     finally:
         done.set()
-    assert b"compiling kernels" in terminal.written[0]
+    assert b"starting" in terminal.written[0]
     assert b"(draw" not in b"".join(terminal.written)
+
+
+def test_only_a_long_start_is_called_compiling(tmp_path: Path) -> None:
+    viewer = Viewer(FakeTerminal(), FakePainter(), a_state(), "tsplat-x", tmp_path)
+    assert b"compiling" not in viewer.notice(1.0)
+    assert b"compiling kernels, first run only: 4 s" in viewer.notice(4.2)
+
+
+def test_below_sixel_the_screen_has_the_scenes_background(tmp_path: Path) -> None:
+    state = a_state(output="sixel", options=RenderOptions(background=(1.0, 0.5, 0.0)))
+    _, terminal = run(tmp_path, [Key("p")], [Key("x")], state=state)
+    assert b"\x1b[0;48;2;255;128;0m\x1b[2J" in terminal.written[0]
+    assert b"\x1b[0;48;2;255;128;0m\x1b[24;1H" in terminal.written[2]
 
 
 def test_an_error_while_drawing_is_not_swallowed(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from tsplat.errors import SaveError
 from tsplat.terminal.keys import Event
 from tsplat.terminal.probe import Profile
 from tsplat.viewer.hud import Measured, layout
-from tsplat.viewer.picture import Drawn, Painter, free_path
+from tsplat.viewer.picture import Drawn, Painter, empty_cell, free_path
 from tsplat.viewer.spans import Span, erased
 from tsplat.viewer.state import Notice, Tick, ViewerState, overlay, picture
 from tsplat.viewer.update import update
@@ -23,8 +23,10 @@ REST_SECONDS = 3600.0
 NOTICE_SECONDS = 0.2
 """A start that is quicker than this shows no notice."""
 
-HOME, ERASE_SCREEN = b"\x1b[H", b"\x1b[0m\x1b[2J"
-COMPILING = "compiling kernels, first run only: {seconds:.0f} s"
+HOME, ERASE_SCREEN = b"\x1b[H", b"\x1b[2J"
+STARTING, COMPILING = "starting", "compiling kernels, first run only: {seconds:.0f} s"
+COMPILING_SECONDS = 2.5
+"""Loading compiled kernels takes less than this."""
 
 
 class Terminal(Protocol):
@@ -126,7 +128,7 @@ class Viewer:
         spans = layout(state, self.measured(drawn, start))
         before_encode = time.perf_counter()
         encoded, text = self.painter.encode(state, drawn.frame, spans)
-        stale = erased(screen.spans, spans) if screen and not fresh else b""
+        stale = erased(screen.spans, spans, empty_cell(state)) if screen and not fresh else b""
         body = self.session.synchronized(stale + HOME + encoded.draw + text)
         before_write = time.perf_counter()
         self.session.write(fresh + encoded.upload + body)
@@ -149,7 +151,7 @@ class Viewer:
         last, old = self.screen, self.painter.encoder
         if last and old and old.name == self.state.output and last.seen[-1] == self.state.screens:
             return b""
-        return (old.clear() if old else b"") + ERASE_SCREEN
+        return (old.clear() if old else b"") + empty_cell(self.state) + ERASE_SCREEN
 
     def measured(self, drawn: Drawn, start: float) -> Measured:
         """Return what the HUD shows besides the state."""
@@ -181,15 +183,16 @@ class Viewer:
             self.take(self.session.events(0.0))
             seconds = time.perf_counter() - start
             if seconds > NOTICE_SECONDS:
-                self.session.write(self.session.synchronized(self._notice(seconds)))
+                self.session.write(self.session.synchronized(self.notice(seconds)))
                 worker.join(0.1)
 
     def _first_frame(self, state: ViewerState) -> None:
         self.painter.encode(state, self.painter.draw(state).frame, [])
 
-    def _notice(self, seconds: float) -> bytes:
+    def notice(self, seconds: float) -> bytes:
+        """Return what shows, in the middle of the screen, that something goes on."""
         size = self.state.size
-        text = COMPILING.format(seconds=seconds)[: size.columns]
+        text = (STARTING if seconds < COMPILING_SECONDS else COMPILING.format(seconds=seconds))[: size.columns]
         return f"\x1b[{(size.rows + 1) // 2};{(size.columns - len(text)) // 2 + 1}H{text}".encode()
 
 

@@ -110,6 +110,14 @@ def screen_pixels(size: TerminalSize, output: str) -> tuple[int, int]:
     return size.columns * cell_width, picture_rows(size, output) * cell_height
 
 
+def empty_cell(state: ViewerState) -> bytes:
+    """Return the colours of cells without a picture: the scene's background below sixel, else the terminal's."""
+    if state.output != "sixel":
+        return b"\x1b[0m"
+    red, green, blue = images.quantize(np.array(state.options.background, np.float32)).tolist()
+    return b"\x1b[0;48;2;%d;%d;%dm" % (red, green, blue)
+
+
 def frame_size(state: ViewerState, chosen: Encoder) -> tuple[int, int]:
     """Return width and height of the frame to render, in pixels."""
     across, down = chosen.pixels_per_cell(*state.size.cell_size)

@@ -113,8 +113,8 @@ def shaded(frame: U8, spans: Iterable[Span], columns: int, rows: int) -> U8:
     return frame
 
 
-def erased(old: Iterable[Span], new: Iterable[Span]) -> bytes:
-    """Return the bytes that blank every cell that ``old`` covered and ``new`` does not."""
+def erased(old: Iterable[Span], new: Iterable[Span], colors: bytes = b"\x1b[0m") -> bytes:
+    """Return the bytes that blank every cell that ``old`` covered and ``new`` does not, in these colours."""
     stale = _cells(old) - _cells(new)
     # One run of cells each; a run starts where the cell on its left is not stale.
     starts = sorted((row, column) for row, column in stale if (row, column - 1) not in stale)
@@ -124,7 +124,7 @@ def erased(old: Iterable[Span], new: Iterable[Span]) -> bytes:
         while (row, end) in stale:
             end += 1
         parts.append(f"\x1b[{row + 1};{column + 1}H\x1b[{end - column}X")
-    return ("\x1b[0m" + "".join(parts)).encode() if parts else b""
+    return colors + "".join(parts).encode() + b"\x1b[0m" if parts else b""
 
 
 def _cells(spans: Iterable[Span]) -> set[tuple[int, int]]:
