@@ -10,6 +10,7 @@ from PIL import Image
 
 from tests.raster.compare import psnr
 from tests.scenes import shared_scenes
+from tsplat._jit import JIT
 from tsplat.camera import Camera
 from tsplat.io import load, load_cameras
 from tsplat.raster import rasterize, reference
@@ -92,6 +93,7 @@ def test_the_basis_is_orthonormal_over_the_sphere() -> None:
 SNOWMIKU = shared_scenes() and shared_scenes() / "snowmiku"  # type: ignore[operator]
 
 
+@pytest.mark.skipif(not JIT, reason="tens of thousands of splats take hours without a compiler")
 @pytest.mark.skipif(SNOWMIKU is None, reason="the folder of real scenes is not there; set TSPLAT_SCENES to it")
 def test_held_out_photographs_are_seen_the_right_way_round() -> None:
     assert SNOWMIKU is not None
