@@ -39,7 +39,9 @@ class LoadError(TsplatError, ValueError):
     """
 
     def __init__(self, path: str | Path, problem: str, offset: int | None = None) -> None:
-        where = f"{path}" if offset is None else f"{path}: at byte {offset}"
+        # A file's name may hold escape sequences; on a terminal they would act.
+        name = "".join(c if c.isprintable() else repr(c)[1:-1] for c in str(path))
+        where = name if offset is None else f"{name}: at byte {offset}"
         super().__init__(f"{where}: {problem}")
         self.path, self.problem, self.offset = Path(path), problem, offset
 
