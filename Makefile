@@ -3,6 +3,8 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+# Real scenes take minutes; the compiled run is enough for them.
+KERNEL_TESTS := tests/raster tests/test_lanes.py --ignore tests/raster/test_real_scenes.py
 
 .PHONY: demo test check install-dev clean
 
@@ -13,8 +15,8 @@ test: install-dev
 	scripts/system_packages.sh
 	$(MAKE) --no-print-directory check
 	$(BIN)/python -m pytest
-	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest tests/raster tests/test_lanes.py
-	NUMBA_BOUNDSCHECK=1 $(BIN)/python -m pytest tests/raster tests/test_lanes.py tests/encode
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest $(KERNEL_TESTS)
+	NUMBA_BOUNDSCHECK=1 $(BIN)/python -m pytest $(KERNEL_TESTS) tests/encode
 
 check: install-dev
 	$(BIN)/ruff check .

@@ -9,7 +9,6 @@ import pytest
 
 from tests.raster.compare import assert_like_reference
 from tests.scenes import shared_scenes
-from tsplat._jit import JIT
 from tsplat.camera import Camera
 from tsplat.framing import bulk
 from tsplat.io import demo_path, load
@@ -25,8 +24,6 @@ SHARED = [
     "format_matrix/yashica.ply",
 ]
 SCENES = [demo_path(), *(FOLDER / name for name in SHARED if FOLDER)]
-
-pytestmark = pytest.mark.skipif(not JIT, reason="hundreds of thousands of splats take hours without a compiler")
 
 
 @pytest.fixture(scope="module")
