@@ -171,8 +171,8 @@ def test_p_saves_under_a_new_name_each_time_and_says_where(tmp_path: Path) -> No
 def test_a_picture_that_cannot_be_saved_is_a_message_and_no_end(tmp_path: Path) -> None:
     terminal, painter = FakeTerminal([Key("p")], []), FakePainter()
     painter.refuse = True
-    Viewer(terminal, painter, a_state(), "tsplat-x", tmp_path).run()
-    assert b"cannot be written" in terminal.written[1] or b"tsplat-x-001.png" in terminal.written[1]
+    Viewer(terminal, painter, a_state(size=TerminalSize(400, 24, 10, 20)), "tsplat-x", tmp_path).run()
+    assert b"tsplat-x-001.png: cannot be written: no room" in terminal.written[1]
 
 
 def test_ctrl_z_suspends_once(tmp_path: Path) -> None:
