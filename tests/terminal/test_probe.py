@@ -55,7 +55,7 @@ CASES = [
     Case(
         "xterm 379 -ti vt340",
         {"TERM": "xterm"},
-        version("XTerm(379)") + mode(2026, 0) + mode(1016, 2) + b"\x1b[?1;0;16S" + da1("63;1;2;4;6;9;15;22"),
+        version("XTerm(379)") + mode(2026, 0) + mode(1016, 2) + da1("63;1;2;4;6;9;15;22"),
         ("XTerm", "379"),
         ("sixel", "half", "half256"),
         pixel_mouse=True,

@@ -40,7 +40,7 @@ def assert_whole_again(terminal: Terminal, after: int = 0) -> None:
     """What was turned on is off, in the order that gives the shell its screen back last."""
     assert terminal.attributes() == terminal.before
     end = terminal.seen[after:]
-    order = [b"\x1b[?2026l", b"\x1b[?1004l", b"\x1b[?1006l", b"\x1b[?1002l", b"\x1b[?7h", b"\x1b[?25h", LEFT]
+    order = [b"\x1b[?1004l", b"\x1b[?1006l", b"\x1b[?1002l", b"\x1b[?7h", b"\x1b[?25h", LEFT]
     places = [end.rindex(text) for text in order]
     assert places == sorted(places)
     assert b"\x1b[2J" not in end[places[-1] :]
@@ -58,6 +58,7 @@ def test_a_session_takes_the_terminal_and_gives_it_back() -> None:
         assert terminal.wait() == 0
         assert_whole_again(terminal, ready)
         assert terminal.seen.endswith(LEFT)
+        assert b"\x1b\\" not in terminal.seen[ready:]
 
 
 def test_an_exception_restores_the_terminal_before_its_traceback() -> None:
@@ -122,13 +123,13 @@ def test_a_terminal_that_answers_nothing_is_used_all_the_same() -> None:
         terminal.wait_for(b"<ready>")
         terminal.type(b"q")
         assert terminal.wait() == 0
-        assert b"\x1b[>7u" not in terminal.seen
+        assert b"\x1b[>31u" not in terminal.seen
 
 
 def test_the_kitty_keyboard_and_the_pixel_mouse_are_used_where_announced_and_undone() -> None:
     with Terminal.python(ECHO) as terminal:
         ready = started(terminal, KITTY)
-        assert terminal.seen.count(b"\x1b[>7u") == terminal.seen.count(b"\x1b[?1016h") == 1
+        assert terminal.seen.count(b"\x1b[>31u") == terminal.seen.count(b"\x1b[?1016h") == 1
         terminal.type(b"\x1b[<0;26;11M\x1b[119;1:3u")
         terminal.wait_for(b"Mouse(action='press', button='left', x=2.5, y=0.5", b"Key(name='w', action='release')")
         terminal.type(b"\x1b[113u")
@@ -137,14 +138,6 @@ def test_the_kitty_keyboard_and_the_pixel_mouse_are_used_where_announced_and_und
         assert off.count(b"\x1b[<u") == off.count(b"\x1b[?1016l") == off.count(b"\x1b_Ga=d,d=A") == 1
         assert off.index(b"\x1b[<u") < off.index(LEFT)
         assert_whole_again(terminal, ready)
-
-
-def test_sixel_on_xterm_borrows_colour_registers_and_returns_them() -> None:
-    with Terminal.python(ECHO) as terminal:
-        started(terminal, b"\x1b[?1;0;16S\x1b[?63;1;2;4c")
-        terminal.type(b"q")
-        assert terminal.wait() == 0
-        assert terminal.seen.index(b"\x1b[?1;3;256S") < terminal.seen.index(b"\x1b[?1;3;16S")
 
 
 def test_ctrl_c_is_a_key_and_escape_alone_is_one_too() -> None:

@@ -46,8 +46,8 @@ class Key:
         shift and a letter is the capital letter.
     action : {"press", "repeat", "release"}
         Only terminals with the kitty keyboard (`Profile.kitty_keyboard`) report repeats and releases;
-        elsewhere a held key is a row of presses. A letter may go down as "W" and come up as "w" when
-        shift was let go in between.
+        elsewhere a held key is a row of presses. A key repeats and comes up under the name it went
+        down with, whatever became of the modifiers in between.
     """
 
     name: str

@@ -8,13 +8,11 @@ from __future__ import annotations
 
 from tsplat.terminal.probe import Profile
 
-SCREEN = (b"\x1b[?1049h\x1b[?25l", b"\x1b[?25h\x1b[?1049l")
+SCREEN = (b"\x1b[?1049h\x1b[?25l", b"\x1b[0m\x1b[?25h\x1b[?1049l")
 """The alternate screen, without a cursor. Leaving it brings the shell's screen back: nothing may follow."""
 
 UNFINISHED = b"\x1b\\\x1b[?2026l\x1b[0m"
-"""Ends what an interrupted write may have begun: a picture, a synchronized update, a colour."""
-
-SIXEL_COLORS = 256
+"""Ends what a write that was interrupted may have begun: a picture, a synchronized update, a colour."""
 
 Mode = tuple[bytes, bytes]
 
@@ -29,13 +27,10 @@ def modes(profile: Profile) -> list[Mode]:
     if reports_pixels(profile):
         chosen.append((b"\x1b[?1016h", b"\x1b[?1016l"))
     if profile.kitty_keyboard:
-        # Unambiguous keys, releases, and the shifted character too, or the release of "+" would be one of "=".
-        chosen.append((b"\x1b[>7u", b"\x1b[<u"))
+        # All keys as numbers, with releases and the text they type: then what comes up is what went down.
+        chosen.append((b"\x1b[>31u", b"\x1b[<u"))
     if profile.kitty_graphics:
         chosen.append((b"", b"\x1b_Ga=d,d=A,q=2\x1b\\"))
-    if profile.sixel and 0 < profile.sixel_colors < SIXEL_COLORS:
-        # xterm as a VT340 starts with 16 colour registers, but lends more.
-        chosen.append((b"\x1b[?1;3;%dS" % SIXEL_COLORS, b"\x1b[?1;3;%dS" % profile.sixel_colors))
     return chosen
 
 
@@ -46,7 +41,7 @@ def turn_on(profile: Profile) -> bytes:
 
 def turn_off(profile: Profile) -> bytes:
     """Return what turns off all modes, in reverse order, the screen last."""
-    return UNFINISHED + b"".join(off for _, off in reversed([SCREEN, *modes(profile)]))
+    return b"".join(off for _, off in reversed([SCREEN, *modes(profile)]))
 
 
 def reports_pixels(profile: Profile) -> bool:

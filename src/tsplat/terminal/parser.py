@@ -65,6 +65,7 @@ class Parser:
         self.mouse_unit = (1, 1)
         self._rest = b""
         self._pasting = False
+        self._down: dict[int | str, str] = {}
 
     @property
     def pending(self) -> bool:
@@ -140,11 +141,12 @@ class Parser:
         modifiers = max(0, numbers[1] - 1) if len(numbers) > 1 else 0
         action = _ACTIONS.get(fields[1][1] if len(fields) > 1 and len(fields[1]) > 1 else 1, "press")
         if final == "u":
-            return _key(numbers[0], modifiers, action, fields[0][1] if len(fields[0]) > 1 else 0)
+            shifted = numbers[2] if len(numbers) > 2 else fields[0][1] if len(fields[0]) > 1 else 0
+            return self._as_pressed(numbers[0], _key(numbers[0], modifiers, action, shifted))
         if final == "~" and numbers[0] == 27 and len(numbers) == 3:
             return _key(numbers[2], modifiers)
         if final == "~":
-            return _named(_TILDES.get(numbers[0]), modifiers, action)
+            return self._as_pressed(-numbers[0], _named(_TILDES.get(numbers[0]), modifiers, action))
         if final == "t" and len(numbers) == 3 and numbers[0] in (4, 6):
             return PixelReport(numbers[0], width=numbers[2], height=numbers[1])
         if final in "IO" and not parameters:
@@ -152,7 +154,20 @@ class Parser:
         if final == "Z":
             return Key("shift+tab")
         # A first number other than 1 is a report, such as the cursor's position, and no key.
-        return _named(_LETTERS.get(final) if numbers[0] in (0, 1) else None, modifiers, action)
+        name = _LETTERS.get(final) if numbers[0] in (0, 1) else None
+        return self._as_pressed(final, _named(name, modifiers, action))
+
+    def _as_pressed(self, identity: int | str, key: Key | None) -> Key | None:
+        """Give repeats and releases the name of the press: modifiers are often let go first."""
+        if key is None:
+            return None
+        if key.action == "press":
+            self._down[identity] = key.name
+            return key
+        name = (
+            self._down.pop(identity, key.name) if key.action == "release" else self._down.get(identity, key.name)
+        )
+        return Key(name, key.action)
 
     def _mouse(self, code: int, x: int, y: int, *, released: bool) -> Mouse | None:
         place = (x - 1) / self.mouse_unit[0], (y - 1) / self.mouse_unit[1]
@@ -186,15 +201,17 @@ def _plain(code: int) -> Key:
     return Key(chr(code))
 
 
-def _key(code: int, modifiers: int, action: KeyAction = "press", shifted: int = 0) -> Key | None:
-    """Return the key with this Unicode code point and these modifiers, or the kitty keyboard's number."""
+def _key(code: int, modifiers: int, action: KeyAction = "press", typed: int = 0) -> Key | None:
+    """Return the key of a code point or a number of the kitty keyboard; ``typed`` is what it wrote, if known."""
     name = _CODES.get(code)
     if name is None:
         if code < 32 or code in _PRIVATE_USE or code > 0x10FFFF or 0xD800 <= code < 0xE000:
             return None
         name = chr(code)
-        if modifiers & _SHIFT and (shifted or name.isalpha()):
-            name, modifiers = chr(shifted) if 32 < shifted <= 0x10FFFF else name.upper(), modifiers & ~_SHIFT
+        if 32 < typed <= 0x10FFFF:
+            name, modifiers = chr(typed), modifiers & ~_SHIFT
+        elif modifiers & _SHIFT and name.isalpha():
+            name, modifiers = name.upper(), modifiers & ~_SHIFT
     return _named(name, modifiers, action)
 
 

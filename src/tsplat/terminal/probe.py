@@ -21,7 +21,7 @@ terminal ever waits that long, while a terminal that is still starting needs mor
 
 _GRAPHICS = b"\x1b_Gi=31,s=1,v=1,a=q,t=d,f=24;AAAA\x1b\\"
 _CELL_SIZE, _WINDOW_SIZE = b"\x1b[16t", b"\x1b[14t"
-_QUESTIONS = b"\x1b[>0q" + _CELL_SIZE + _WINDOW_SIZE + b"\x1b[?2026$p\x1b[?1016$p\x1b[?u\x1b[?1;1;0S"
+_QUESTIONS = b"\x1b[>0q" + _CELL_SIZE + _WINDOW_SIZE + b"\x1b[?2026$p\x1b[?1016$p\x1b[?u"
 _SENTINEL = b"\x1b[c"
 
 _ANSWERS = {
@@ -33,7 +33,6 @@ _ANSWERS = {
     "mode 1016": re.compile(rb"\x1b\[\?1016;(\d+)\$y"),
     "kitty keyboard": re.compile(rb"\x1b\[\?(\d+)u"),
     "kitty graphics": re.compile(rb"\x1b_Gi=31;([^\x1b]*)\x1b\\"),
-    "sixel colors": re.compile(rb"\x1b\[\?1;0;(\d+)S"),
 }
 _BAD_KITTY_GRAPHICS = ("iterm2", "wezterm")
 """They answer OK, but what they draw is wrong in places; their sixel is right."""
@@ -71,8 +70,6 @@ class Profile:
         Width and height of a text cell in pixels, from CSI 16t.
     window_size : tuple of 2 ints, or None
         Width and height of the text area in pixels, from CSI 14t.
-    sixel_colors : int
-        Colour registers for sixel, 0 where the terminal does not say.
     replies : mapping of str to str
         The answers by the name of the question, readable; for the HUD.
     """
@@ -87,7 +84,6 @@ class Profile:
     pixel_mouse: bool = False
     cell_size: tuple[int, int] | None = None
     window_size: tuple[int, int] | None = None
-    sixel_colors: int = 0
     replies: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -147,7 +143,6 @@ def detect(environment: Mapping[str, str], replies: bytes) -> Profile:
         pixel_mouse=said.get("mode 1016") in ("1", "2"),
         cell_size=_pair(said.get("cell 16t")),
         window_size=_pair(said.get("window 14t")),
-        sixel_colors=int(said.get("sixel colors", 0)),
         replies=said,
     )
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from tsplat.errors import TerminalError
 from tsplat.terminal import probe
 from tsplat.terminal.keys import Event, Resize, TerminalSize
-from tsplat.terminal.modes import SCREEN, reports_pixels, turn_off, turn_on
+from tsplat.terminal.modes import SCREEN, UNFINISHED, reports_pixels, turn_off, turn_on
 from tsplat.terminal.parser import Parser, PixelReport
 from tsplat.terminal.probe import Profile
 
@@ -58,7 +58,7 @@ class Session:
     def __init__(self, profile: Profile | None = None, environment: Mapping[str, str] = os.environ) -> None:
         self.profile = profile or Profile()
         self._known, self._environment = profile is not None, environment
-        self._parser = Parser()
+        self._parser, self._writing = Parser(), False
         self._waiting: list[Event] = []
         self._cell_size: tuple[int, int] | None = None
         self._device: Device
@@ -120,7 +120,9 @@ class Session:
         TerminalError
             The terminal went away.
         """
+        self._writing = True
         self._device.write(screen)
+        self._writing = False
 
     def synchronized(self, screen: bytes) -> bytes:
         """Return bytes that show ``screen`` in one step where the terminal can, else ``screen`` itself.
@@ -170,7 +172,7 @@ class Session:
 
     def _give_back(self) -> None:
         with contextlib.suppress(TerminalError):  # it may be gone, which may be why we are here
-            self.write(turn_off(self.profile))
+            self.write(UNFINISHED * self._writing + turn_off(self.profile))
         self._device.restore()
 
     def _ready(self, timeout: float, *sources: int | Signals) -> list[int | Signals]:
