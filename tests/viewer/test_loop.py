@@ -38,6 +38,7 @@ class FakeTerminal:
             return []
         self.starting = False
         self.waits.append(timeout)
+        assert len(self.waits) < 500, "the loop never comes to rest"
         if timeout < 1.0:
             threading.Event().wait(timeout)
             return []

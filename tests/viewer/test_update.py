@@ -113,6 +113,12 @@ def test_one_press_without_a_release_stops_by_itself(name: str, mode: str, secon
     assert state.pose != START
 
 
+@given(st.sampled_from(sorted(MOTION_KEYS)), st.floats(TAP, 3.0))
+def test_a_slow_frame_does_not_make_a_press_longer(name: str, seconds: float) -> None:
+    fly = a_state(mode="fly")
+    assert after(fly, Key(name), Tick(seconds)).pose == after(fly, Key(name), Tick(TAP)).pose
+
+
 @given(st.sampled_from(sorted(MOTION_KEYS)), st.lists(st.floats(0.001, 0.5), min_size=1, max_size=8))
 def test_a_held_key_moves_until_its_release(name: str, seconds: list[float]) -> None:
     state = after(a_state(releases=True), Key(name))
