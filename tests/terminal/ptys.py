@@ -19,6 +19,11 @@ DEADLINE = 20.0
 TAKE_CONTROL = "import fcntl, termios; fcntl.ioctl(0, termios.TIOCSCTTY, 0)\n"
 
 
+def _inherited() -> dict[str, str]:
+    # Nothing of the terminal the tests run in, but the Python they run with.
+    return {name: text for name, text in os.environ.items() if name == "PATH" or name.startswith("PYTHON")}
+
+
 class Terminal:
     """Start a program on a new terminal of 80 x 24 and talk to it; everything it writes is in ``seen``."""
 
@@ -33,7 +38,7 @@ class Terminal:
             stdout=self.slave,
             stderr=self.slave,
             start_new_session=True,
-            env={"PATH": os.environ["PATH"], "TERM": "xterm-256color"} | (environment or {}),
+            env=_inherited() | {"TERM": "xterm-256color"} | (environment or {}),
         )
 
     @classmethod
