@@ -79,6 +79,20 @@ def test_a_signal_restores_the_terminal_and_shows_in_the_exit_status(number: sig
         assert_whole_again(terminal, ready)
 
 
+@pytest.mark.parametrize(("name", "sign"), [("SIGWINCH", b"Resize("), ("SIGTERM", LEFT)])
+def test_a_signal_that_reaches_another_thread_still_wakes_the_session(name: str, sign: bytes) -> None:
+    thread = f"""
+import signal, threading
+def strike():
+    import select
+    signal.pthread_kill(threading.get_ident(), signal.{name})
+    select.select([], [], [], 60)
+"""
+    start = 'session.write(b"<ready>"); threading.Timer(0.1, strike).start()'
+    with Terminal.python(thread + ECHO.replace('session.write(b"<ready>")', start)) as terminal:
+        terminal.wait_for(sign, start=started(terminal))
+
+
 def test_a_signal_in_the_middle_of_a_large_write_ends_the_picture_first() -> None:
     script = ECHO.replace(
         'session.write(b"<ready>")', 'session.write(b"<ready>" + b"\\x1b_G;" + b"A" * 10_000_000)'

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import signal
 import threading
@@ -29,7 +28,11 @@ class Signals:
         os.set_blocking(self._write, False)
         self._before: dict[int, object] = {}
         self._catch(_FATAL, _exit)
-        self._catch(_NOTED, self._note)
+        self._catch(_NOTED, _note)
+        # A signal may reach any thread, one of NumPy's too; then it interrupts no `select` in the main
+        # thread, and its handler waits for that. This pipe is written to at once, whatever the thread.
+        if self._before:
+            self._wakeup_before = signal.set_wakeup_fd(self._write, warn_on_full_buffer=False)
 
     def fileno(self) -> int:
         """Return a file descriptor that is readable when a signal was noted."""
@@ -60,6 +63,8 @@ class Signals:
 
     def close(self) -> None:
         """Set the handlers of before."""
+        if self._before:
+            signal.set_wakeup_fd(self._wakeup_before)
         for number, handler in self._before.items():
             signal.signal(number, handler)  # type: ignore[arg-type]
         os.close(self._read)
@@ -74,9 +79,9 @@ class Signals:
             if signal.getsignal(number) != signal.SIG_IGN:
                 self._before.setdefault(number, signal.signal(number, handler))
 
-    def _note(self, number: int, frame: FrameType | None) -> None:  # noqa: ARG002
-        with contextlib.suppress(BlockingIOError):  # thousands are noted already
-            os.write(self._write, bytes([number]))
+
+def _note(number: int, frame: FrameType | None) -> None:
+    """Do nothing: the number went through the pipe already."""
 
 
 def _exit(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
