@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from tsplat.errors import SaveError
+from tsplat.files import replacing
 
 F32 = npt.NDArray[np.float32]
 U8 = npt.NDArray[np.uint8]
@@ -60,21 +59,11 @@ def save(path: str | Path, colors: F32, alphas: F32) -> Path:
         The suffix is not known, or the folder cannot be written.
     """
     suffix, path = check_suffix(path), Path(path)
-    try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=suffix, dir=path.parent)
-        try:
-            with os.fdopen(handle, "wb") as file:
-                if suffix == ".npy":
-                    np.save(file, np.concatenate([colors, alphas[..., None]], axis=2))
-                else:
-                    _write_picture(file, suffix, quantize(colors))
-            os.chmod(name, 0o666 & ~_umask())
-            os.replace(name, path)
-        except BaseException:
-            os.unlink(name)
-            raise
-    except OSError as error:
-        raise SaveError(f"{path}: cannot be written: {error.strerror or error}; choose another folder") from error
+    with replacing(path) as file:
+        if suffix == ".npy":
+            np.save(file, np.concatenate([colors, alphas[..., None]], axis=2))
+        else:
+            _write_picture(file, suffix, quantize(colors))
     return path
 
 
@@ -84,9 +73,3 @@ def _write_picture(file: object, suffix: str, frame: U8) -> None:
     options = {".webp": {"lossless": True}, ".png": {}}.get(suffix, {"quality": 95})
     kind = {".webp": "WEBP", ".png": "PNG"}.get(suffix, "JPEG")
     Image.fromarray(frame).save(file, kind, **options)  # type: ignore[arg-type]
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

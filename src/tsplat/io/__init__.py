@@ -5,11 +5,11 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 
 from tsplat.errors import LoadError, OptionError, SaveError
+from tsplat.files import replacing
 from tsplat.io.cameras import TrainingCamera, load_cameras, train_focal_beside
 from tsplat.io.formats import FORMATS, HEAD_BYTES, find_format
 from tsplat.scene import Gaussians
@@ -89,17 +89,8 @@ def save(path: str | Path, gaussians: Gaussians) -> Path:
     if known is None or known.write is None:
         suffixes = ", ".join(suffix for known in FORMATS if known.write for suffix in known.suffixes)
         raise SaveError(f"{path}: suffix {path.suffix!r} is no format that can be written; use one of {suffixes}")
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        try:
-            with beside.open("xb") as file:
-                known.write(file, gaussians)
-            beside.replace(path)
-        except BaseException:
-            beside.unlink(missing_ok=True)
-            raise
-    except OSError as error:
-        raise SaveError(f"{path}: cannot be written: {error.strerror or error}; choose another folder") from error
+    with replacing(path) as file:
+        known.write(file, gaussians)
     return path
 
 
