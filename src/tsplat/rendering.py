@@ -167,6 +167,10 @@ class Rendering:
         None when `RenderOptions.depths` was off.
     visible : int
         Splats that touch the image.
+    pairs : int
+        Pairs of a splat and a tile it may touch.
+    blends : int
+        Times a splat was blended into a cell of 4 by 4 pixels.
     stage_ms : dict of str to float
         Milliseconds by stage, in the order they ran.
     """
@@ -175,6 +179,8 @@ class Rendering:
     alphas: F32
     depths: F32 | None = None
     visible: int = 0
+    pairs: int = 0
+    blends: int = 0
     stage_ms: dict[str, float] = field(default_factory=dict)
 
     def frame(self) -> U8:
