@@ -18,6 +18,7 @@ import rich_click as click
 
 from tsplat import __version__
 from tsplat.arguments import BACKGROUND, POINT, UP, Triples, ViewByDefault
+from tsplat.bench.command import bench
 from tsplat.errors import LoadWarning, OptionError, TsplatError
 from tsplat.rendering import ANTIALIAS, TRAIN_FOCAL_GUESS, RenderOptions
 
@@ -177,6 +178,9 @@ def info(scene: str, as_json: bool, max_splats: int | None, raw_opacity: bool) -
         print(json.dumps(summary, indent=2), flush=True)
     else:
         _print_table(scene, summary)
+
+
+command.add_command(bench)
 
 
 def _path(scene: str) -> Path:
