@@ -1,6 +1,6 @@
 """Eight float32 lanes: the small vocabulary in which kernels spell SIMD.
 
-``Float8`` values support ``+ - *`` among themselves and the functions below. LLVM's vectors are
+``Float8`` values support ``+ - * /`` among themselves and the functions below. LLVM's vectors are
 portable (AVX2, AVX-512, NEON), and Numba keeps them in registers. With NUMBA_DISABLE_JIT the same
 names work on float32 [8] arrays, so a kernel reads and runs the same either way.
 """
@@ -23,6 +23,7 @@ from tsplat._jit import JIT, device
 LANES = 8
 _FLOAT, _INT = ir.FloatType(), ir.IntType(32)
 _VECTOR, _INT_VECTOR = ir.VectorType(_FLOAT, LANES), ir.VectorType(_INT, LANES)
+_HALF_VECTOR = ir.VectorType(ir.HalfType(), LANES)
 
 EXP2_CUBIC = (0.0551716672, 0.2426111221, 0.6932609858, 0.9999280736)
 """2**f for f in [-0.5, 0.5], highest power first: the least relative error a cubic can have, 7.5e-5."""
@@ -59,7 +60,12 @@ def _define_operator(symbol: Callable[..., Any], instruction: str) -> None:
         return getattr(builder, instruction)(*args, flags=("contract",))
 
 
-for _symbol, _instruction in ((operator.add, "fadd"), (operator.sub, "fsub"), (operator.mul, "fmul")):
+for _symbol, _instruction in (
+    (operator.add, "fadd"),
+    (operator.sub, "fsub"),
+    (operator.mul, "fmul"),
+    (operator.truediv, "fdiv"),
+):
     _define_operator(_symbol, _instruction)
 
 
@@ -171,11 +177,76 @@ def _exp2(typingctx: Any, x: Any) -> Any:
 
 
 @device
-def _largest(typingctx: Any, x: Any) -> Any:
+def _floor(typingctx: Any, x: Any) -> Any:
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return _call(builder, f"llvm.vector.reduce.fmax.v{LANES}f32", _FLOAT, list(args))
+        return _call(builder, f"llvm.floor.v{LANES}f32", _VECTOR, list(args))
 
-    return types.float32(float8), codegen
+    return float8(float8), codegen
+
+
+@device
+def _sqrt(typingctx: Any, x: Any) -> Any:
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return _call(builder, f"llvm.sqrt.v{LANES}f32", _VECTOR, list(args))
+
+    return float8(float8), codegen
+
+
+@device
+def _load_half(typingctx: Any, array: Any, offset: Any) -> Any:
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        pointer = context.make_array(sig.args[0])(context, builder, args[0]).data
+        pointer = builder.bitcast(builder.gep(pointer, [args[1]]), _HALF_VECTOR.as_pointer())
+        return builder.fpext(builder.load(pointer, align=2), _VECTOR)
+
+    return float8(array, types.int64), codegen
+
+
+@device
+def _store_half(typingctx: Any, array: Any, offset: Any, value: Any) -> Any:
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        pointer = context.make_array(sig.args[0])(context, builder, args[0]).data
+        pointer = builder.bitcast(builder.gep(pointer, [args[1]]), _HALF_VECTOR.as_pointer())
+        builder.store(builder.fptrunc(args[2], _HALF_VECTOR), pointer, align=2)
+        return context.get_dummy_value()
+
+    return types.void(array, types.int64, float8), codegen
+
+
+@device
+def _store_rows(typingctx: Any, array: Any, upper: Any, lower: Any, value: Any) -> Any:
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        _store_two_rows(context, builder, sig.args[0], args[:3], args[3], ir.Constant(_VECTOR, ir.Undefined), range(8))
+        return context.get_dummy_value()
+
+    return types.void(array, types.int64, types.int64, float8), codegen
+
+
+@device
+def _store_rows_rgb(typingctx: Any, array: Any, upper: Any, lower: Any, red: Any, green: Any, blue: Any) -> Any:
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        red, green, blue = args[3:]
+        wide = ir.VectorType(_INT, 2 * LANES)
+        both = builder.shuffle_vector(red, green, ir.Constant(wide, list(range(16))))
+        padded = builder.shuffle_vector(blue, blue, ir.Constant(wide, list(range(16))))
+        lanes = [lane + 8 * channel for lane in range(LANES) for channel in range(3)]
+        _store_two_rows(context, builder, sig.args[0], args[:3], both, padded, lanes)
+        return context.get_dummy_value()
+
+    return types.void(array, types.int64, types.int64, float8, float8, float8), codegen
+
+
+def _store_two_rows(
+    context: Any, builder: Any, array_type: Any, place: Any, first: Any, second: Any, lanes: Any
+) -> None:
+    """Store half of the chosen lanes of two vectors at the upper offset, half at the lower one."""
+    array, *offsets = place
+    pointer = context.make_array(array_type)(context, builder, array).data
+    half = len(lanes) // 2
+    for offset, chosen in zip(offsets, (lanes[:half], lanes[half:]), strict=True):
+        row = builder.shuffle_vector(first, second, ir.Constant(ir.VectorType(_INT, half), list(chosen)))
+        target = builder.bitcast(builder.gep(pointer, [offset]), row.type.as_pointer())
+        builder.store(row, target, align=4)
 
 
 @device
@@ -260,10 +331,41 @@ def exp2(x: Any) -> Any:
     return (power.view(np.int32) + (shifted.view(np.int32) << 23)).view(np.float32)
 
 
-@_compiled_as(_largest)
-def largest(x: Any) -> Any:
-    """The largest lane."""
-    return x.max()
+@_compiled_as(_floor)
+def floor(x: Any) -> Any:
+    """The largest whole number that is not above each lane."""
+    return np.floor(x)
+
+
+@_compiled_as(_sqrt)
+def sqrt(x: Any) -> Any:
+    """Square roots; nan below zero."""
+    return np.sqrt(x)
+
+
+@_compiled_as(_load_half)
+def load_half(array: Any, offset: Any) -> Any:
+    """The eight half-precision values of a flat uint16 array that start at ``offset``."""
+    return array[offset : offset + LANES].view(np.float16).astype(np.float32)
+
+
+@_compiled_as(_store_half)
+def store_half(array: Any, offset: Any, value: Any) -> None:
+    """Put eight values into a flat uint16 array from ``offset`` on, as half-precision numbers."""
+    array[offset : offset + LANES] = value.astype(np.float16).view(np.uint16)
+
+
+@_compiled_as(_store_rows)
+def store_rows(array: Any, upper: Any, lower: Any, value: Any) -> None:
+    """Put the first four lanes at offset ``upper`` of a flat float32 array, the others at ``lower``."""
+    array[upper : upper + 4], array[lower : lower + 4] = value[:4], value[4:]
+
+
+@_compiled_as(_store_rows_rgb)
+def store_rows_rgb(array: Any, upper: Any, lower: Any, red: Any, green: Any, blue: Any) -> None:
+    """Put red, green and blue of the first four lanes at offset ``upper``, of the others at ``lower``."""
+    pixels = np.stack([red, green, blue], 1).ravel()
+    array[upper : upper + 12], array[lower : lower + 12] = pixels[:12], pixels[12:]
 
 
 @_compiled_as(_prefetch)

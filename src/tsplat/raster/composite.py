@@ -1,20 +1,19 @@
 """Stage 4: blend the splats of each tile, nearest first.
 
-Source: Kerbl et al. 2023, eq. 3 and section 6. A tile is 16 by 16 pixels in 4 by 2 cells of eight
-lanes; a cell holds its transmittance, red, green, blue and depth side by side, so that blending a
-splat into it touches two or three neighbouring cache lines and never leaves the first-level cache.
+Source: Kerbl et al. 2023, eq. 3 and section 6. Splats are taken in batches of up to 64 records, each
+with the set of cells it touches. A cell then blends its splats of the batch one after another with its
+16 pixels in registers, and is left alone once all its pixels are finished.
 """
 
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from tsplat._jit import claim, kernel
+from tsplat._bits import BATCH, count, having, lanes_at_least, lowest
+from tsplat._jit import kernel
 from tsplat._lanes import (
     exp2,
     fma,
-    largest,
     load,
     maximum,
     minimum,
@@ -24,166 +23,128 @@ from tsplat._lanes import (
     store,
     where_above,
     where_at_least,
-)  # fmt: skip
+)
+from tsplat._threads import claim, meet
 from tsplat.raster import record as col
-from tsplat.raster.sort import MAX_BUCKETS, into_buckets, sort_bucket
+from tsplat.raster import tile as channel
+from tsplat.raster.cells import CELL, CELLS, GRID, TILE, cells_touched
+from tsplat.raster.frame import NEXT_TILE
+from tsplat.raster.tile import CELL_SIZE, TILE_SIZE, clear, write
 from tsplat.rendering import ALPHA_MAX, TRANSMITTANCE_MIN
 
-F32 = npt.NDArray[np.float32]
+LANE_X = (np.arange(8) % CELL).astype(np.float32)
+LANE_Y = (np.arange(8) // CELL).astype(np.float32)
+"""Pixels of a vector: two rows of four."""
 
-TILE = 16
-"""Pixels of a tile's side."""
+BLENDS = 0
+"""Column of a worker's results: how many times it blended a splat into a cell."""
 
-CELL_WIDTH, CELL_HEIGHT = 4, 2
-CELL_COLUMNS, CELL_ROWS = TILE // CELL_WIDTH, TILE // CELL_HEIGHT
-"""A splat of a few pixels touches fewer 4 by 2 cells than rows of eight."""
-
-CHANNELS = 5
-CELL = CHANNELS * 8
-"""float32 values of a cell: transmittance, red, green, blue, depth, eight lanes each."""
-
-LANE_X = np.arange(8, dtype=np.float32) % CELL_WIDTH
-LANE_Y = (np.arange(8) // CELL_WIDTH).astype(np.float32)
-
-CHECK_EVERY = 32
-"""Splats between two looks at whether a tile still lets light through."""
+AHEAD = 16
+"""Records asked for before they are used: about what the first-level cache can wait for at once."""
 
 
 @kernel
-def composite_tiles(worker, counter, tile_columns, isect_offsets, isect_keys, records, flat_records, background,
-                    colors, alphas, depths):  # fmt: skip
-    """Draw tiles until none is left; tiles own disjoint pixels, so workers never meet."""
-    tile = np.empty(CELL_COLUMNS * CELL_ROWS * CELL, np.float32)
-    most = 1
-    for t in range(len(isect_offsets) - 1):
-        most = max(most, isect_offsets[t + 1] - isect_offsets[t])
-    keys = np.empty(most, np.uint64)
-    bucket_ends = np.empty(MAX_BUCKETS + 1, np.int64)
-    height, width = alphas.shape
+def composite(worker, frame):
+    """Draw tiles until none is left; tiles own disjoint pixels, so workers never meet before the end."""
+    tile, batch = frame.scratch[worker, :TILE_SIZE], frame.scratch[worker, TILE_SIZE:]
+    touched, depths = frame.touched[worker], frame.depths
+    isect_ends = frame.tile_cursors[frame.workers - 1]
+    blends = 0
     while True:
-        t = claim(counter)
-        if t >= len(isect_offsets) - 1:
-            return
-        left, top = t % tile_columns * TILE, t // tile_columns * TILE
-        _clear(tile, width - left, height - top)
-        first, end = isect_offsets[t], isect_offsets[t + 1]
-        if end > first:
-            buckets = into_buckets(isect_keys, first, end, keys, bucket_ends)
-            _blend_buckets(tile, left, top, keys, bucket_ends, buckets, records, flat_records, depths)
-        _write(tile, left, top, background, colors, alphas, depths)
+        t = claim(frame.team, NEXT_TILE)
+        if t >= frame.tile_count:
+            frame.results[worker, BLENDS] = blends
+            return meet(frame.team, frame.workers)
+        left, top = t % frame.tile_columns * TILE, t // frame.tile_columns * TILE
+        live = clear(tile, frame.width - left, frame.height - top)
+        next_, end = (isect_ends[t - 1] if t > 0 else 0), isect_ends[t]
+        while next_ < end and live != 0:
+            next_ = _fill_batch(frame.isect_ids, next_, end, frame.records, left, top, live, batch, touched)
+            for cell in range(CELLS):
+                if live >> cell & 1:
+                    splats = having(touched, cell)
+                    blends += count(splats)
+                    x, y = left + cell % GRID * CELL, top + cell // GRID * CELL
+                    if _blend(tile, cell * CELL_SIZE, x, y, batch, splats, depths):
+                        live &= ~(1 << cell)
+        write(tile, left, top, frame.background, frame.colors, frame.alphas, depths)
 
 
 @kernel
-def _blend_buckets(tile, left, top, keys, bucket_ends, buckets, records, flat_records, depths):
-    first, since_check = 0, 0
-    for bucket in range(buckets):
-        end = bucket_ends[bucket]
-        sort_bucket(keys, first, end)
-        for i in range(first, end):
-            prefetch(flat_records, np.int64(keys[np.uint64(i)] & np.uint64(0xFFFFFFFF)) * col.LENGTH)
-        for i in range(first, end):
-            _blend(tile, left, top, records, keys[np.uint64(i)] & np.uint64(0xFFFFFFFF), depths)
-        since_check += end - first
-        if since_check >= CHECK_EVERY:
-            since_check = 0
-            if _most_light(tile) < np.float32(0.0):
-                return
-        first = end
+def _fill_batch(isect_ids, next_, end, records, left, top, live, batch, touched):
+    """Copy the records of the next splats that touch a live cell, with these cells; return which comes after."""
+    x, y = np.float32(left), np.float32(top)
+    members = 0
+    while next_ < end and members < BATCH:
+        prefetch(records, np.int64(isect_ids[np.uint64(next_ + AHEAD)]) * col.LENGTH)
+        at = np.int64(isect_ids[np.uint64(next_)]) * col.LENGTH
+        cells = cells_touched(records, at, x, y) & live
+        store(batch, members * col.LENGTH, load(records, at))
+        store(batch, members * col.LENGTH + 8, load(records, at + 8))
+        touched[np.uint64(members)] = cells
+        members += 1 if cells != 0 else 0  # what touches nothing is overwritten
+        next_ += 1
+    touched[members:] = 0
+    return next_
 
 
 @kernel
-def _blend(tile, left, top, records, r, depths):
-    """Blend one splat into the cells of a tile that its box touches."""
-    first_column = max(np.int64(records[r, col.LEFT]) - left, 0) // CELL_WIDTH
-    last_column = min(np.int64(records[r, col.RIGHT]) - left, TILE - 1) // CELL_WIDTH
-    first_row = max(np.int64(records[r, col.TOP]) - top, 0) // CELL_HEIGHT
-    last_row = min(np.int64(records[r, col.BOTTOM]) - top, TILE - 1) // CELL_HEIGHT
-    a, b, c = splat(records[r, col.CONIC_A]), splat(records[r, col.CONIC_B]), splat(records[r, col.CONIC_C])
-    log2_opacity, log2_cut = splat(records[r, col.LOG2_OPACITY]), splat(records[r, col.LOG2_CUT])
-    red, green, blue, depth = (
-        splat(records[r, col.RED]),
-        splat(records[r, col.GREEN]),
-        splat(records[r, col.BLUE]),
-        splat(records[r, col.DEPTH]),
-    )
-    step_x, step_y = splat(np.float32(CELL_WIDTH)), splat(np.float32(CELL_HEIGHT))
-    first_dx = load(LANE_X, 0) - splat(records[r, col.X] - np.float32(left + first_column * CELL_WIDTH))
-    dy = load(LANE_Y, 0) - splat(records[r, col.Y] - np.float32(top + first_row * CELL_HEIGHT))
-    columns = last_column - first_column + 1
-    at = (first_row * CELL_COLUMNS + first_column) * CELL
-    # A loop over the columns would mispredict its end once a row; this costs one misprediction a splat.
-    for _ in range(first_row, last_row + 1):
-        b_dy, constant = b * dy, fma(c * dy, dy, log2_opacity)
-        dx = first_dx
-        _blend_cell(tile, at, dx, a, b_dy, constant, log2_cut, red, green, blue, depth, depths)
-        if columns > 1:
-            dx = dx + step_x
-            _blend_cell(tile, at + CELL, dx, a, b_dy, constant, log2_cut, red, green, blue, depth, depths)
-        if columns > 2:
-            dx = dx + step_x
-            _blend_cell(tile, at + 2 * CELL, dx, a, b_dy, constant, log2_cut, red, green, blue, depth, depths)
-        if columns > 3:
-            dx = dx + step_x
-            _blend_cell(tile, at + 3 * CELL, dx, a, b_dy, constant, log2_cut, red, green, blue, depth, depths)
-        dy = dy + step_y
-        at += CELL_COLUMNS * CELL
-
-
-@kernel
-def _blend_cell(tile, at, dx, a, b_dy, constant, log2_cut, red, green, blue, depth, depths):
-    """Blend one splat into eight pixels."""
-    log2_alpha = fma(fma(a, dx, b_dy), dx, constant)
-    alpha = where_at_least(log2_alpha, log2_cut, minimum(exp2(log2_alpha), splat(np.float32(ALPHA_MAX))))
-    light = load(tile, at)
-    # A pixel is finished before the splat that would leave it too little light; its sign says so from then
-    # on, and as what is left of a negative light is negative, nothing is blended into it any more.
-    least, left_over = splat(np.float32(TRANSMITTANCE_MIN)), light - alpha * light
-    weight = where_above(left_over, least, alpha * light, splat(np.float32(0.0)))
-    store(tile, at, where_above(left_over, least, left_over, minus_abs(light)))
-    store(tile, at + 8, fma(weight, red, load(tile, at + 8)))
-    store(tile, at + 16, fma(weight, green, load(tile, at + 16)))
-    store(tile, at + 24, fma(weight, blue, load(tile, at + 24)))
+def _blend(tile, at, left, top, batch, splats, depths):
+    """Blend members of a batch into the cell at ``at``; return whether all its pixels are finished."""
+    x, y = load(LANE_X, 0) + splat(np.float32(left)), load(LANE_Y, 0) + splat(np.float32(top))
+    light0, light1 = load(tile, at + channel.LIGHT), load(tile, at + channel.LIGHT + 8)
+    red0, red1 = load(tile, at + channel.RED), load(tile, at + channel.RED + 8)
+    green0, green1 = load(tile, at + channel.GREEN), load(tile, at + channel.GREEN + 8)
+    blue0, blue1 = load(tile, at + channel.BLUE), load(tile, at + channel.BLUE + 8)
     if depths is not None:
-        store(tile, at + 32, fma(weight, depth, load(tile, at + 32)))
+        depth0, depth1 = load(tile, at + channel.DEPTH), load(tile, at + channel.DEPTH + 8)
+    while splats != np.uint64(0):
+        r = lowest(splats) * col.LENGTH
+        splats &= splats - np.uint64(1)
+        dx, dy = _value(batch, r + col.X) - x, _value(batch, r + col.Y) - y
+        b_dx, c = _value(batch, r + col.CONIC_B) * dx, _value(batch, r + col.CONIC_C)
+        a_dx2 = fma(_value(batch, r + col.CONIC_A) * dx, dx, _value(batch, r + col.LOG2_OPACITY))
+        cut = _value(batch, r + col.LOG2_CUT)
+        light0, weight0 = _absorb(light0, fma(fma(c, dy, b_dx), dy, a_dx2), cut)
+        dy = dy - splat(np.float32(2.0))
+        light1, weight1 = _absorb(light1, fma(fma(c, dy, b_dx), dy, a_dx2), cut)
+        red = _value(batch, r + col.RED)
+        red0, red1 = fma(weight0, red, red0), fma(weight1, red, red1)
+        green = _value(batch, r + col.GREEN)
+        green0, green1 = fma(weight0, green, green0), fma(weight1, green, green1)
+        blue = _value(batch, r + col.BLUE)
+        blue0, blue1 = fma(weight0, blue, blue0), fma(weight1, blue, blue1)
+        if depths is not None:
+            depth = _value(batch, r + col.DEPTH)
+            depth0, depth1 = fma(weight0, depth, depth0), fma(weight1, depth, depth1)
+    store(tile, at + channel.LIGHT, light0)
+    store(tile, at + channel.LIGHT + 8, light1)
+    store(tile, at + channel.RED, red0)
+    store(tile, at + channel.RED + 8, red1)
+    store(tile, at + channel.GREEN, green0)
+    store(tile, at + channel.GREEN + 8, green1)
+    store(tile, at + channel.BLUE, blue0)
+    store(tile, at + channel.BLUE + 8, blue1)
+    if depths is not None:
+        store(tile, at + channel.DEPTH, depth0)
+        store(tile, at + channel.DEPTH + 8, depth1)
+    return lanes_at_least(maximum(light0, light1), splat(np.float32(0.0))) == 0
 
 
 @kernel
-def _clear(tile, width, height):
-    """Full light, no colour; pixels outside the image are finished, so that they never keep a tile open."""
-    zero, full = splat(np.float32(0.0)), splat(np.float32(1.0))
-    for at in range(0, len(tile), 8):
-        store(tile, at, zero)
-    for cell in range(CELL_COLUMNS * CELL_ROWS):
-        x, y = cell % CELL_COLUMNS * CELL_WIDTH, cell // CELL_COLUMNS * CELL_HEIGHT
-        if x + CELL_WIDTH <= width and y + CELL_HEIGHT <= height:
-            store(tile, cell * CELL, full)
-        else:
-            for lane in range(8):
-                inside = x + lane % CELL_WIDTH < width and y + lane // CELL_WIDTH < height
-                tile[cell * CELL + lane] = np.float32(1.0 if inside else -1.0)
+def _value(batch, at):
+    return splat(batch[np.uint64(at)])
 
 
 @kernel
-def _most_light(tile):
-    """Return the largest transmittance of a tile, negative when every pixel is finished."""
-    most = load(tile, 0)
-    for cell in range(1, CELL_COLUMNS * CELL_ROWS):
-        most = maximum(most, load(tile, cell * CELL))
-    return largest(most)
+def _absorb(light, log2_alpha, cut):
+    """Return the light behind a splat, and the weight of its colour.
 
-
-@kernel
-def _write(tile, left, top, background, colors, alphas, depths):
-    """Put a tile's pixels into the image, with the background behind them."""
-    height, width = alphas.shape
-    for row in range(min(TILE, height - top)):
-        for column in range(min(TILE, width - left)):
-            cell = row // CELL_HEIGHT * CELL_COLUMNS + column // CELL_WIDTH
-            at = cell * CELL + row % CELL_HEIGHT * CELL_WIDTH + column % CELL_WIDTH
-            x, y, light = left + column, top + row, abs(tile[at])
-            for channel in range(3):
-                colors[y, x, channel] = tile[at + 8 * (channel + 1)] + light * background[channel]
-            alpha = np.float32(1.0) - light
-            alphas[y, x] = alpha
-            if depths is not None:
-                depths[y, x] = tile[at + 32] / max(alpha, np.float32(1e-10))
+    A pixel is finished before the splat that would leave it too little light. Its sign says so from then
+    on: as what is left of a negative light is negative, nothing is blended into it any more.
+    """
+    alpha = where_at_least(log2_alpha, cut, minimum(exp2(log2_alpha), splat(np.float32(ALPHA_MAX))))
+    weight = alpha * light
+    left_over, least = light - weight, splat(np.float32(TRANSMITTANCE_MIN))
+    weight = where_above(left_over, least, weight, splat(np.float32(0.0)))
+    return where_above(left_over, least, left_over, minus_abs(light)), weight

@@ -1,6 +1,7 @@
 """Once per scene: everything that no camera changes, laid out for the kernels, and the buffers they fill.
 
 Splats are projected thousands of times but prepared once, so the 3D covariance is worked out here.
+Every quantity lies in an array of its own, padded to whole blocks with splats that are never seen.
 """
 
 from __future__ import annotations
@@ -8,44 +9,65 @@ from __future__ import annotations
 import math
 import threading
 from dataclasses import dataclass, field
+from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
 
-from tsplat._jit import claim, kernel
+from tsplat._jit import kernel
+from tsplat._lanes import load, maximum, minimum, splat, store_half
+from tsplat._threads import FIRST_FREE, claim, new_team
 from tsplat.raster import record
+from tsplat.raster.buffers import Buffers, aligned
 from tsplat.raster.workers import on_threads
 from tsplat.scene import Gaussians
 
 F32 = npt.NDArray[np.float32]
 
-BLOCK = 512
+BLOCK = 256
 """Splats projected at a time: their intermediate results stay in the first-level cache."""
+
+SH_C0 = 0.28209479177387814
+"""The constant basis function of spherical harmonics."""
+
+HALF_MAX = 65504.0
+"""The largest half-precision number; no trained harmonic comes near it."""
+
+INVISIBLE = -1000.0
+"""Base-2 logarithm of the opacity of a padding splat: no alpha_min is so small."""
 
 
 @dataclass(eq=False, slots=True)
 class Prepared:
     """A scene ready to be drawn, with the buffers of its last frame.
 
+    P is the number of splats, padded to whole blocks.
+
     Attributes
     ----------
-    means : ndarray of float32, [3, N]
-        Centres by coordinate.
-    covars : ndarray of float32, [6, N]
-        Upper triangles of the 3D covariances: xx, xy, xz, yy, yz, zz.
-    log2_opacities : ndarray of float32, [N]
+    means : ndarray of float32, [3 * P]
+        Centres: all x, then all y, then all z.
+    covars : ndarray of float32, [6 * P]
+        Upper triangles of the 3D covariances: all xx, then xy, xz, yy, yz, zz.
+    log2_opacities : ndarray of float32, [P]
         Base-2 logarithms of the opacities; -126 for none at all.
-    records : ndarray of float32, [N, 16]
-        One row for each visible splat; a block's rows start where its splats start.
-    ids : ndarray of int32, [N]
-        Splat of each record: source_from_record.
-    tiles : ndarray of uint16, [N, 4]
-        First and last tile column and row of each record: left, top, right, bottom.
+    base_colors : ndarray of float32, [3 * P]
+        Red, green, blue without those harmonics that depend on the direction.
+    sh_rest : ndarray of uint16, [P / 8 * coefficients * 24]
+        Half-precision harmonics above the constant one: by eight splats, coefficient, channel, splat.
+    coefficients : int
+        How many of these there are: 0, 3, 8 or 15.
+    records : ndarray of float32, [P * 16]
+        One row for each visible splat, see `record`; a block's rows start where its splats start.
+    depth_keys : ndarray of uint32, [P]
+        What each record is sorted by.
+    tiles : ndarray of uint64, [P]
+        First and last tile column and row of each record: left, top, right, bottom, 16 bits each.
     visible : ndarray of int32, [blocks]
         Records of each block.
-    isect_keys : ndarray of uint64, [>= pairs]
-        Grown on demand: depth and record of each pair of a tile and a splat, by tile.
+    buffers : Buffers
+        What grows with the image.
     lock : Lock
         Held while a frame uses the buffers.
     """
@@ -53,18 +75,15 @@ class Prepared:
     means: F32
     covars: F32
     log2_opacities: F32
+    base_colors: F32
+    sh_rest: npt.NDArray[np.uint16]
+    coefficients: int
     records: F32
-    ids: npt.NDArray[np.int32]
-    tiles: npt.NDArray[np.uint16]
+    depth_keys: npt.NDArray[np.uint32]
+    tiles: npt.NDArray[np.uint64]
     visible: npt.NDArray[np.int32]
-    isect_keys: npt.NDArray[np.uint64]
+    buffers: Buffers = field(default_factory=Buffers)
     lock: threading.Lock = field(default_factory=threading.Lock)
-
-    def room_for(self, pairs: int) -> npt.NDArray[np.uint64]:
-        """Return ``isect_keys`` with room for this many pairs; it grows by half, and never shrinks."""
-        if pairs > len(self.isect_keys):
-            self.isect_keys = np.empty(pairs + pairs // 2, np.uint64)
-        return self.isect_keys
 
 
 _prepared: WeakKeyDictionary[Gaussians, Prepared] = WeakKeyDictionary()
@@ -81,44 +100,104 @@ def prepared(gaussians: Gaussians, threads: int) -> Prepared:
 
 
 def _prepare(gaussians: Gaussians, threads: int) -> Prepared:
-    n = len(gaussians)
+    blocks = -(-len(gaussians) // BLOCK)
+    padded = blocks * BLOCK
+    coefficients = gaussians.sh.shape[1] - 1
     scene = Prepared(
-        means=np.empty((3, n), np.float32),
-        covars=np.empty((6, n), np.float32),
-        log2_opacities=np.empty(n, np.float32),
-        records=np.empty((n, record.LENGTH), np.float32),
-        ids=np.empty(n, np.int32),
-        tiles=np.empty((n, 4), np.uint16),
-        visible=np.empty(-(-n // BLOCK), np.int32),
-        isect_keys=np.empty(0, np.uint64),
+        means=aligned(3 * padded, np.float32),
+        covars=aligned(6 * padded, np.float32),
+        log2_opacities=aligned(padded, np.float32),
+        base_colors=aligned(3 * padded, np.float32),
+        sh_rest=aligned(padded * coefficients * 3, np.uint16),
+        coefficients=coefficients,
+        records=aligned(padded * record.LENGTH, np.float32),
+        depth_keys=aligned(padded, np.uint32),
+        tiles=aligned(padded, np.uint64),
+        visible=aligned(blocks, np.int32),
     )
-    on_threads(threads, _prepare_blocks, np.zeros(1, np.int64), gaussians.means, gaussians.quats, gaussians.scales,
-               gaussians.opacities, scene.means, scene.covars, scene.log2_opacities, scene.records)  # fmt: skip
+    team = new_team(1)
+    on_threads(threads, team, _prepare_blocks, _Job(
+        team, gaussians.means, gaussians.quats, gaussians.scales, gaussians.opacities, gaussians.sh,
+        scene.means, scene.covars, scene.log2_opacities, scene.base_colors, scene.sh_rest,
+        scene.records, scene.depth_keys, scene.tiles,
+    ))  # fmt: skip
     return scene
 
 
+class _Job(NamedTuple):
+    """What `_prepare_blocks` reads and fills; see `Gaussians` and `Prepared`."""
+
+    team: npt.NDArray[np.int64]
+    means: F32
+    quats: F32
+    scales: F32
+    opacities: F32
+    sh: F32
+    out_means: F32
+    covars: F32
+    log2_opacities: F32
+    base_colors: F32
+    sh_rest: npt.NDArray[np.uint16]
+    records: F32
+    depth_keys: npt.NDArray[np.uint32]
+    tiles: npt.NDArray[np.uint64]
+
+
 @kernel
-def _prepare_blocks(worker, counter, means, quats, scales, opacities, out_means, covars, log2_opacities, records):
-    n = len(means)
+def _prepare_blocks(worker, job):
+    n, padded = len(job.means), len(job.log2_opacities)
+    eight = np.empty(8, np.float32)
     while True:
-        start = claim(counter) * BLOCK
-        if start >= n:
+        start = claim(job.team, FIRST_FREE) * BLOCK
+        if start >= padded:
             return
         # The first touch of a page costs more than what is computed for it: better now than in a frame.
-        records[start : start + BLOCK] = np.float32(0.0)
-        for i in range(start, min(start + BLOCK, n)):
-            for axis in range(3):
-                out_means[axis, i] = means[i, axis]
-            log2_opacities[i] = math.log2(max(opacities[i], np.float32(1e-38)))
-            w, x, y, z = quats[i, 0], quats[i, 1], quats[i, 2], quats[i, 3]
-            sx, sy, sz = scales[i, 0], scales[i, 1], scales[i, 2]
-            one, two = np.float32(1), np.float32(2)
-            xx, xy, xz = (one - two * (y * y + z * z)) * sx, two * (x * y - w * z) * sy, two * (x * z + w * y) * sz
-            yx, yy, yz = two * (x * y + w * z) * sx, (one - two * (x * x + z * z)) * sy, two * (y * z - w * x) * sz
-            zx, zy, zz = two * (x * z - w * y) * sx, two * (y * z + w * x) * sy, (one - two * (x * x + y * y)) * sz
-            covars[0, i] = xx * xx + xy * xy + xz * xz
-            covars[1, i] = xx * yx + xy * yy + xz * yz
-            covars[2, i] = xx * zx + xy * zy + xz * zz
-            covars[3, i] = yx * yx + yy * yy + yz * yz
-            covars[4, i] = yx * zx + yy * zy + yz * zz
-            covars[5, i] = zx * zx + zy * zy + zz * zz
+        job.records[start * record.LENGTH : (start + BLOCK) * record.LENGTH] = np.float32(0.0)
+        job.depth_keys[start : start + BLOCK] = np.uint32(0)
+        job.tiles[start : start + BLOCK] = np.uint64(0)
+        for i in range(start, start + BLOCK):
+            if i < n:
+                _prepare_splat(i, padded, job)
+            else:
+                for axis in range(3):
+                    job.out_means[axis * padded + i] = job.base_colors[axis * padded + i] = np.float32(0.0)
+                for entry in range(6):
+                    job.covars[entry * padded + i] = np.float32(0.0)
+                job.log2_opacities[i] = np.float32(INVISIBLE)
+        _pack_harmonics(start, n, job.sh, eight, job.sh_rest)
+
+
+@kernel
+def _prepare_splat(i, padded, job):
+    one, two, half = np.float32(1), np.float32(2), np.float32(0.5)
+    for axis in range(3):
+        job.out_means[axis * padded + i] = job.means[i, axis]
+        job.base_colors[axis * padded + i] = half + np.float32(SH_C0) * job.sh[i, 0, axis]
+    job.log2_opacities[i] = math.log2(max(job.opacities[i], np.float32(1e-38)))
+    w, x, y, z = job.quats[i, 0], job.quats[i, 1], job.quats[i, 2], job.quats[i, 3]
+    sx, sy, sz = job.scales[i, 0], job.scales[i, 1], job.scales[i, 2]
+    xx, xy, xz = (one - two * (y * y + z * z)) * sx, two * (x * y - w * z) * sy, two * (x * z + w * y) * sz
+    yx, yy, yz = two * (x * y + w * z) * sx, (one - two * (x * x + z * z)) * sy, two * (y * z - w * x) * sz
+    zx, zy, zz = two * (x * z - w * y) * sx, two * (y * z + w * x) * sy, (one - two * (x * x + y * y)) * sz
+    job.covars[i] = xx * xx + xy * xy + xz * xz
+    job.covars[padded + i] = xx * yx + xy * yy + xz * yz
+    job.covars[2 * padded + i] = xx * zx + xy * zy + xz * zz
+    job.covars[3 * padded + i] = yx * yx + yy * yy + yz * yz
+    job.covars[4 * padded + i] = yx * zx + yy * zy + yz * zz
+    job.covars[5 * padded + i] = zx * zx + zy * zy + zz * zz
+
+
+@kernel
+def _pack_harmonics(start, n, sh, eight, sh_rest):
+    """Store the harmonics of a block, eight splats side by side."""
+    coefficients = sh.shape[1] - 1
+    for first in range(start, start + BLOCK, 8):
+        at = first * coefficients * 3
+        for coefficient in range(coefficients):
+            for channel in range(3):
+                for lane in range(8):
+                    i = min(first + lane, n - 1)
+                    eight[lane] = sh[i, coefficient + 1, channel]
+                bounded = maximum(minimum(load(eight, 0), splat(np.float32(HALF_MAX))), splat(np.float32(-HALF_MAX)))
+                store_half(sh_rest, at, bounded)
+                at += 8

@@ -1,4 +1,4 @@
-"""Stage 1: splats to 2D. Visible ones become records of one cache line each.
+"""Stage 1: splats to 2D. Visible ones become records of one cache line each, colour included.
 
 Source: Zwicker et al. 2002, *EWA Splatting*, eq. 31; Kerbl et al. 2023, eq. 5.
 """
@@ -9,73 +9,63 @@ import math
 
 import numpy as np
 
-from tsplat._jit import claim, kernel
-from tsplat.camera import Camera
+from tsplat._bits import lanes_at_least
+from tsplat._jit import kernel
+from tsplat._lanes import load, splat
+from tsplat._threads import claim, meet
 from tsplat.raster import record as col
-from tsplat.raster.prepare import BLOCK, Prepared
-from tsplat.raster.workers import on_threads
-from tsplat.rendering import JACOBIAN_LIMIT, RenderOptions
+from tsplat.raster.cells import TILE
+from tsplat.raster.frame import NEXT_BLOCK
+from tsplat.raster.prepare import BLOCK
+from tsplat.raster.sh import color_eight
+from tsplat.rendering import DEPTH_BITS_IGNORED
 
 LOG2_E = math.log2(math.e)
 
 STRIDE = np.uint64(BLOCK)
 """BLOCK, unsigned as the indices are: a constant distance that LLVM can prove free of overlap."""
 
+# Rows of the scratch memory of a block, BLOCK values each: first what goes into the record, in its order.
+SEEN, LEFT, TOP, RIGHT, BOTTOM = 15, 16, 17, 18, 19
 
-def project(scene: Prepared, camera: Camera, options: RenderOptions, tile_size: int) -> int:
-    """Fill ``records``, ``ids``, ``tiles`` and ``visible`` of a prepared scene, all but the colours.
-
-    Returns
-    -------
-    int
-        Splats that touch the image.
-    """
-    (fx, _, cx), (_, fy, cy), _ = camera.K
-    margin = (JACOBIAN_LIMIT - 1.0) * 0.5
-    added, reference = options.filter2d(math.sqrt(fx * fy))
-    numbers = [
-        *camera.viewmat[:3].ravel(), fx, fy, cx, cy,
-        -cx / fx - margin * camera.width / fx, (camera.width - cx) / fx + margin * camera.width / fx,
-        -cy / fy - margin * camera.height / fy, (camera.height - cy) / fy + margin * camera.height / fy,
-        added, reference, options.near_plane, options.far_plane,
-        math.log2(options.alpha_min), options.sigma_extent**2,
-    ]  # fmt: skip
-    on_threads(options.worker_count, _project_blocks, np.zeros(1, np.int64), np.asarray(numbers, np.float32),
-               camera.width, camera.height, tile_size, scene.means, scene.covars, scene.log2_opacities,
-               scene.records, scene.ids, scene.tiles, scene.visible)  # fmt: skip
-    return int(scene.visible.sum())
+LOG2_TILE = np.uint64(int(math.log2(TILE)))
 
 
 @kernel
-def _project_blocks(worker, counter, numbers, width, height, tile_size, means, covars, log2_opacities,
-                    records, ids, tiles, visible):  # fmt: skip
-    # What the vector loop leaves for the scalar one, a stretch of BLOCK values for each quantity.
-    scratch = np.empty(10 * BLOCK, np.float32)
-    n = log2_opacities.shape[0]
+def project(worker, frame):
+    """Fill ``records``, ``depth_keys``, ``tiles`` and ``visible``, block by block."""
+    scratch = frame.scratch[worker]
+    eye = frame.numbers[28:31]
     while True:
-        block = claim(counter)
+        block = claim(frame.team, NEXT_BLOCK)
         start = block * BLOCK
-        if start >= n:
-            return
-        count = min(BLOCK, n - start)
-        _project_block(start, count, numbers, means, covars, log2_opacities, scratch)
-        visible[block] = _keep_visible(
-            start, count, numbers, width, height, tile_size, scratch, records, ids, tiles
+        if start >= len(frame.log2_opacities):
+            return meet(frame.team, frame.workers)
+        _project_block(
+            start, frame.numbers, frame.means, frame.covars, frame.log2_opacities, frame.base_colors, scratch
         )
+        if frame.coefficients > 0:
+            half = splat(np.float32(0.5))
+            for first in range(0, BLOCK, 8):
+                if lanes_at_least(load(scratch, SEEN * BLOCK + first), half) != 0:
+                    color_eight(start + first, frame.coefficients, frame.coefficients_stored, eye, frame.means,
+                                frame.base_colors, frame.sh_rest, scratch, col.RED * BLOCK + first)  # fmt: skip
+        frame.visible[block] = _keep_visible(start, scratch, frame.records, frame.depth_keys, frame.tiles)
 
 
 @kernel
-def _project_block(start, count, numbers, means, covars, log2_opacities, scratch):
+def _project_block(start, numbers, means, covars, log2_opacities, base_colors, scratch):
     """Branch-free and over plain arrays, so that LLVM makes vectors of it."""
     r00, r01, r02, tx, r10, r11, r12, ty, r20, r21, r22, tz = numbers[:12]
     fx, fy, cx, cy, u_min, u_max, v_min, v_max, added, reference = numbers[12:22]
-    log2_alpha_min, squared_extent = numbers[24], numbers[25]
-    one, half = np.float32(1.0), np.float32(0.5)
-    two_ln2 = np.float32(2.0 / LOG2_E)
-    for j in range(count):
+    near, far, log2_alpha_min, squared_extent, last_x, last_y = numbers[22:28]
+    zero, one, half = np.float32(0.0), np.float32(1.0), np.float32(0.5)
+    two_ln2, fold = np.float32(2.0 / LOG2_E), np.float32(-0.5 * LOG2_E)
+    padded = np.uint64(len(log2_opacities))
+    for j in range(BLOCK):
         i = np.uint64(start + j)  # unsigned: no branch for a negative index, which would end vectorisation
         k = np.uint64(j)
-        mx, my, mz = means[0, i], means[1, i], means[2, i]
+        mx, my, mz = means[i], means[padded + i], means[np.uint64(2) * padded + i]
         z = r20 * mx + r21 * my + r22 * mz + tz
         inverse_z = one / z
         x = (r00 * mx + r01 * my + r02 * mz + tx) * inverse_z
@@ -84,7 +74,9 @@ def _project_block(start, count, numbers, means, covars, log2_opacities, scratch
         gx, gy = fx * inverse_z, fy * inverse_z
         j00, j01, j02 = gx * (r00 - u * r20), gx * (r01 - u * r21), gx * (r02 - u * r22)
         j10, j11, j12 = gy * (r10 - v * r20), gy * (r11 - v * r21), gy * (r12 - v * r22)
-        xx, xy, xz, yy, yz, zz = covars[0, i], covars[1, i], covars[2, i], covars[3, i], covars[4, i], covars[5, i]
+        xx, xy, xz = covars[i], covars[padded + i], covars[np.uint64(2) * padded + i]
+        yy, yz = covars[np.uint64(3) * padded + i], covars[np.uint64(4) * padded + i]
+        zz = covars[np.uint64(5) * padded + i]
         p0, p1, p2 = xx * j00 + xy * j01 + xz * j02, xy * j00 + yy * j01 + yz * j02, xz * j00 + yz * j01 + zz * j02
         q0, q1, q2 = xx * j10 + xy * j11 + xz * j12, xy * j10 + yy * j11 + yz * j12, xz * j10 + yz * j11 + zz * j12
         a = j00 * p0 + j01 * p1 + j02 * p2
@@ -92,19 +84,34 @@ def _project_block(start, count, numbers, means, covars, log2_opacities, scratch
         d = j10 * q0 + j11 * q1 + j12 * q2
         determinant_reference = (a + reference) * (d + reference) - b * b
         a, d = a + added, d + added
-        inverse = one / (a * d - b * b)
+        determinant = a * d - b * b
+        inverse = one / determinant
         log2_opacity = log2_opacities[i] + half * _log2(max(determinant_reference * inverse, np.float32(1e-12)))
         squared_radius = min(two_ln2 * (log2_opacity - log2_alpha_min), squared_extent)
-        scratch[k], scratch[1 * STRIDE + k], scratch[2 * STRIDE + k] = fx * x + cx - half, fy * y + cy - half, z
-        scratch[3 * STRIDE + k], scratch[4 * STRIDE + k], scratch[5 * STRIDE + k] = (
-            d * inverse,
-            b * inverse,
-            a * inverse,
-        )
-        scratch[6 * STRIDE + k] = log2_opacity
-        scratch[7 * STRIDE + k] = squared_radius
-        scratch[8 * STRIDE + k] = math.sqrt(max(squared_radius * a, np.float32(0.0)))
-        scratch[9 * STRIDE + k] = math.sqrt(max(squared_radius * d, np.float32(0.0)))
+        x, y = fx * x + cx - half, fy * y + cy - half
+        radius_x, radius_y = math.sqrt(max(squared_radius * a, zero)), math.sqrt(max(squared_radius * d, zero))
+        left, right = max(np.ceil(x - radius_x), zero), min(np.floor(x + radius_x), last_x)
+        top, bottom = max(np.ceil(y - radius_y), zero), min(np.floor(y + radius_y), last_y)
+        seen = (z > near) & (z < far) & (squared_radius > zero) & (left <= right) & (top <= bottom)
+        inverse_d = one / d
+        variance = determinant * inverse_d
+        scratch[np.uint64(col.X) * STRIDE + k], scratch[np.uint64(col.Y) * STRIDE + k] = x, y
+        scratch[np.uint64(col.CONIC_A) * STRIDE + k] = fold * d * inverse
+        scratch[np.uint64(col.CONIC_B) * STRIDE + k] = -(fold + fold) * b * inverse
+        scratch[np.uint64(col.CONIC_C) * STRIDE + k] = fold * a * inverse
+        scratch[np.uint64(col.LOG2_OPACITY) * STRIDE + k] = log2_opacity
+        scratch[np.uint64(col.LOG2_CUT) * STRIDE + k] = max(log2_alpha_min, log2_opacity + fold * squared_extent)
+        scratch[np.uint64(col.RED) * STRIDE + k] = max(base_colors[i], zero)
+        scratch[np.uint64(col.GREEN) * STRIDE + k] = max(base_colors[padded + i], zero)
+        scratch[np.uint64(col.BLUE) * STRIDE + k] = max(base_colors[np.uint64(2) * padded + i], zero)
+        scratch[np.uint64(col.DEPTH) * STRIDE + k] = z
+        scratch[np.uint64(col.SLOPE) * STRIDE + k] = b * inverse_d
+        scratch[np.uint64(col.HALF_WIDTH2) * STRIDE + k] = variance * squared_radius
+        scratch[np.uint64(col.NARROWING) * STRIDE + k] = variance * inverse_d
+        scratch[np.uint64(col.RIGHTMOST) * STRIDE + k] = b * squared_radius / radius_x
+        scratch[np.uint64(SEEN) * STRIDE + k] = one if seen else zero
+        scratch[np.uint64(LEFT) * STRIDE + k], scratch[np.uint64(TOP) * STRIDE + k] = left, top
+        scratch[np.uint64(RIGHT) * STRIDE + k], scratch[np.uint64(BOTTOM) * STRIDE + k] = right, bottom
 
 
 @kernel
@@ -121,37 +128,22 @@ def _log2(x):
 
 
 @kernel
-def _keep_visible(start, count, numbers, width, height, tile_size, scratch, records, ids, tiles):
+def _keep_visible(start, scratch, records, depth_keys, tiles):
     """Write the record of each splat that covers the centre of a pixel; return how many there are."""
-    near, far, log2_alpha_min, squared_extent = numbers[22], numbers[23], numbers[24], numbers[25]
-    fold = np.float32(-0.5 * LOG2_E)
-    zero, last_x, last_y = np.float32(0.0), np.float32(width - 1), np.float32(height - 1)
-    kept = start
-    for j in range(count):
-        depth, squared_radius = scratch[2 * BLOCK + j], scratch[7 * BLOCK + j]
-        if not (near < depth < far and squared_radius > zero):
+    kept = np.uint64(start)
+    depth_bits = scratch.view(np.uint32)
+    for j in range(BLOCK):
+        k = np.uint64(j)
+        if scratch[np.uint64(SEEN) * STRIDE + k] == np.float32(0.0):
             continue
-        x, y, radius_x, radius_y = (
-            scratch[j],
-            scratch[1 * BLOCK + j],
-            scratch[8 * BLOCK + j],
-            scratch[9 * BLOCK + j],
-        )
-        left, right = max(math.ceil(x - radius_x), zero), min(math.floor(x + radius_x), last_x)
-        top, bottom = max(math.ceil(y - radius_y), zero), min(math.floor(y + radius_y), last_y)
-        if not (left <= right and top <= bottom):
-            continue
-        log2_opacity = scratch[6 * BLOCK + j]
-        records[kept, col.X], records[kept, col.Y], records[kept, col.DEPTH] = x, y, depth
-        records[kept, col.CONIC_A] = fold * scratch[3 * BLOCK + j]
-        records[kept, col.CONIC_B] = -(fold + fold) * scratch[4 * BLOCK + j]
-        records[kept, col.CONIC_C] = fold * scratch[5 * BLOCK + j]
-        records[kept, col.LOG2_OPACITY] = log2_opacity
-        records[kept, col.LOG2_CUT] = max(log2_alpha_min, log2_opacity + fold * squared_extent)
-        records[kept, col.LEFT], records[kept, col.TOP] = left, top
-        records[kept, col.RIGHT], records[kept, col.BOTTOM] = right, bottom
-        ids[kept] = start + j
-        tiles[kept, 0], tiles[kept, 1] = np.int64(left) // tile_size, np.int64(top) // tile_size
-        tiles[kept, 2], tiles[kept, 3] = np.int64(right) // tile_size, np.int64(bottom) // tile_size
-        kept += 1
-    return kept - start
+        row = kept * np.uint64(col.LENGTH)
+        for column in range(SEEN):
+            records[row + np.uint64(column)] = scratch[np.uint64(column) * STRIDE + k]
+        depth_keys[kept] = depth_bits[np.uint64(col.DEPTH) * STRIDE + k] >> np.uint32(DEPTH_BITS_IGNORED)
+        left = np.uint64(scratch[np.uint64(LEFT) * STRIDE + k]) >> LOG2_TILE
+        top = np.uint64(scratch[np.uint64(TOP) * STRIDE + k]) >> LOG2_TILE
+        right = np.uint64(scratch[np.uint64(RIGHT) * STRIDE + k]) >> LOG2_TILE
+        bottom = np.uint64(scratch[np.uint64(BOTTOM) * STRIDE + k]) >> LOG2_TILE
+        tiles[kept] = left | top << np.uint64(16) | right << np.uint64(32) | bottom << np.uint64(48)
+        kept += np.uint64(1)
+    return np.int32(kept - np.uint64(start))

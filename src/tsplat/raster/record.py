@@ -2,6 +2,9 @@
 
 ``log2(alpha) = CONIC_A dx^2 + CONIC_B dx dy + CONIC_C dy^2 + LOG2_OPACITY``, drawn where that is at least
 LOG2_CUT; dx and dy count from X and Y, which count from the centre of the first pixel.
+
+At the height dy, what is drawn reaches from ``SLOPE dy - h`` to ``SLOPE dy + h`` beside X, where
+``h^2 = HALF_WIDTH2 - NARROWING dy^2``. It reaches farthest right at dy = RIGHTMOST and farthest left at -RIGHTMOST.
 """
 
 LENGTH = 16
@@ -11,6 +14,4 @@ CONIC_A, CONIC_B, CONIC_C = 2, 3, 4
 LOG2_OPACITY, LOG2_CUT = 5, 6
 RED, GREEN, BLUE = 7, 8, 9
 DEPTH = 10
-
-LEFT, TOP, RIGHT, BOTTOM = 11, 12, 13, 14
-"""First and last pixel whose centre may be drawn."""
+SLOPE, HALF_WIDTH2, NARROWING, RIGHTMOST = 11, 12, 13, 14

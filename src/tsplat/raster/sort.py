@@ -1,7 +1,7 @@
-"""Stage 4a: the splats of one tile by depth, in buckets that are finished only when they are drawn.
+"""Stage 2: visible splats by depth, nearest first; equal depths keep the order of the file.
 
-A tile's keys fit the cache, tiles are independent, and a tile that is full before its last bucket
-never sorts the rest. Keys are unique (depth, then record), so their order does not depend on threads.
+A radix sort of two passes, 11 low bits and 13 high ones, of 8-byte pairs (key, record): stable, and
+for positive depths complete. Each worker counts and scatters a stretch of its own.
 """
 
 from __future__ import annotations
@@ -9,55 +9,105 @@ from __future__ import annotations
 import numpy as np
 
 from tsplat._jit import kernel
+from tsplat._lanes import prefetch
+from tsplat._threads import meet
+from tsplat.raster.frame import BUCKETS, LOW_BITS
+from tsplat.raster.prepare import BLOCK
 
-MAX_BUCKETS = 2048
-"""Enough for about two splats a bucket in most tiles; the counters stay in the first-level cache."""
+LOW_BUCKETS = 1 << LOW_BITS
 
-SHELL_GAPS = (57, 10, 1)
-"""Every other gap of Ciura 2001; buckets are small, so mostly the last is used, which is insertion sort."""
-
-
-@kernel
-def into_buckets(isect_keys, first, end, sorted_keys, bucket_ends):
-    """Scatter the keys ``first`` to ``end`` into depth buckets; return how many buckets there are.
-
-    ``sorted_keys`` receives them from 0 on; bucket b ends at ``bucket_ends[b]``. Keys are below
-    2**63, as those of positive depths are.
-    """
-    low = high = isect_keys[np.uint64(first)]
-    for i in range(first, end):
-        key = isect_keys[np.uint64(i)]
-        low, high = min(low, key), max(high, key)
-    wanted = min(max((end - first) >> 1, 1), MAX_BUCKETS)
-    shift = np.uint64(0)
-    span = high - low
-    while (span >> shift) >= np.uint64(wanted):
-        shift += np.uint64(1)
-    buckets = np.int64(span >> shift) + 1
-    for bucket in range(buckets + 1):
-        bucket_ends[bucket] = 0
-    for i in range(first, end):
-        bucket_ends[((isect_keys[np.uint64(i)] - low) >> shift) + np.uint64(1)] += 1
-    for bucket in range(1, buckets):
-        bucket_ends[bucket] += bucket_ends[bucket - 1]
-    # Each bucket's start moves to its end while it fills.
-    for i in range(first, end):
-        key = isect_keys[np.uint64(i)]
-        bucket = (key - low) >> shift
-        at = bucket_ends[bucket]
-        sorted_keys[np.uint64(at)] = key
-        bucket_ends[bucket] = at + 1
-    return buckets
+AHEAD = 16
+"""Pairs between asking for a record's tiles and using them."""
 
 
 @kernel
-def sort_bucket(keys, first, end):
-    """Sort ``keys[first:end]`` in place."""
-    for gap in SHELL_GAPS:
-        for i in range(first + gap, end):
-            key = keys[np.uint64(i)]
-            j = i
-            while j >= first + gap and keys[np.uint64(j - gap)] > key:
-                keys[np.uint64(j)] = keys[np.uint64(j - gap)]
-                j -= gap
-            keys[np.uint64(j)] = key
+def sort(worker, frame):
+    """Fill ``order``, the records by depth, and ``sorted_tiles``, the tiles of each in this order."""
+    counts, cursors = frame.sort_counts[worker], frame.sort_cursors[worker]
+    first, end = _blocks_of(worker, frame.workers, frame.visible)
+    _count_low(first, end, frame.depth_keys, frame.visible, counts)
+    if not meet(frame.team, frame.workers):
+        return False
+    total = scan(worker, frame.sort_counts, LOW_BUCKETS, cursors)
+    _scatter_low(first, end, frame.depth_keys, frame.visible, cursors, frame.pairs)
+    if not meet(frame.team, frame.workers):
+        return False
+    first, end = stretch(worker, frame.workers, total)
+    _count_high(first, end, frame.pairs, counts)
+    if not meet(frame.team, frame.workers):
+        return False
+    scan(worker, frame.sort_counts, BUCKETS, cursors)
+    _scatter_high(first, end, frame.pairs, frame.tiles, cursors, frame.order, frame.sorted_tiles)
+    return meet(frame.team, frame.workers)
+
+
+@kernel
+def stretch(worker, workers, total):
+    """Return where a worker's part of ``total`` things starts and ends."""
+    return total * worker // workers, total * (worker + 1) // workers
+
+
+@kernel
+def _blocks_of(worker, workers, visible):
+    """Return a worker's first block and the one after its last, so that all have about as many records."""
+    total = 0
+    for block in range(len(visible)):
+        total += visible[block]
+    low, high = stretch(worker, workers, total)
+    first, end, done = len(visible), len(visible), 0
+    for block in range(len(visible)):
+        if done >= low:
+            first = min(first, block)
+        if done >= high:
+            end = min(end, block)
+        done += visible[block]
+    return (first, end) if worker > 0 else (0, end)
+
+
+@kernel
+def scan(worker, counts, buckets, cursors):
+    """Write where this worker's part of each bucket starts, after the parts of those before it; return the sum."""
+    total = 0
+    for bucket in range(buckets):
+        for other in range(counts.shape[0]):
+            if other == worker:
+                cursors[np.uint64(bucket)] = total
+            total += counts[np.uint64(other), np.uint64(bucket)]
+    return total
+
+
+@kernel
+def _count_low(first, end, depth_keys, visible, counts):
+    counts[:LOW_BUCKETS] = 0
+    for block in range(first, end):
+        for record in range(block * BLOCK, block * BLOCK + visible[block]):
+            counts[np.uint64(depth_keys[np.uint64(record)] & np.uint32(LOW_BUCKETS - 1))] += 1
+
+
+@kernel
+def _scatter_low(first, end, depth_keys, visible, cursors, pairs):
+    for block in range(first, end):
+        for record in range(block * BLOCK, block * BLOCK + visible[block]):
+            key = np.uint64(depth_keys[np.uint64(record)])
+            bucket = key & np.uint64(LOW_BUCKETS - 1)
+            pairs[np.uint64(cursors[bucket])] = (key >> np.uint64(LOW_BITS)) << np.uint64(32) | np.uint64(record)
+            cursors[bucket] += 1
+
+
+@kernel
+def _count_high(first, end, pairs, counts):
+    counts[:] = 0
+    for i in range(first, end):
+        counts[pairs[np.uint64(i)] >> np.uint64(32)] += 1
+
+
+@kernel
+def _scatter_high(first, end, pairs, tiles, cursors, order, sorted_tiles):
+    for i in range(first, end):
+        prefetch(tiles, np.int64(pairs[np.uint64(i + AHEAD)] & np.uint64(0xFFFFFFFF)))
+        pair = pairs[np.uint64(i)]
+        record, bucket = pair & np.uint64(0xFFFFFFFF), pair >> np.uint64(32)
+        at = np.uint64(cursors[bucket])
+        order[at] = record
+        sorted_tiles[at] = tiles[record]
+        cursors[bucket] += 1

@@ -1,0 +1,55 @@
+"""Memory that frames share: it grows with the largest frame, never shrinks, and is never copied."""
+
+from __future__ import annotations
+
+import math
+import sys
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+F32 = npt.NDArray[np.float32]
+
+CACHE_LINE = 64
+"""Bytes. A record or a vector that straddles two lines costs twice as much to load."""
+
+IMAGES_KEPT = 8
+"""Two frames of colours, alphas and depths are in use at once; more would only be forgotten memory."""
+
+
+def aligned(length: int, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
+    """Return a new array whose first element starts a cache line."""
+    size = length * np.dtype(dtype).itemsize
+    memory = np.empty(size + CACHE_LINE, np.uint8)
+    start = -memory.ctypes.data % CACHE_LINE
+    return memory[start : start + size].view(dtype)
+
+
+class Buffers:
+    """Work arrays by name, and images that are used again once their last user has dropped them."""
+
+    def __init__(self) -> None:
+        self._arrays: dict[str, npt.NDArray[Any]] = {}
+        self._images: list[F32] = []
+
+    def array(self, name: str, length: int, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
+        """Return the array of that name, at least this long; what it held is lost when it grows."""
+        found = self._arrays.get(name)
+        if found is None or len(found) < length:
+            found = self._arrays[name] = aligned(length + length // 2, dtype)
+        return found
+
+    def image(self, *shape: int) -> F32:
+        """Return an image of unspecified content that nobody else holds."""
+        size = math.prod(shape)
+        for place, pixels in enumerate(self._images):
+            # The list, the loop and the question itself hold an image that is free; every view holds it once more.
+            if sys.getrefcount(pixels) == 3:
+                if len(pixels) < size:
+                    pixels = self._images[place] = np.empty(size, np.float32)
+                return pixels[:size].reshape(shape)
+        pixels = np.empty(size, np.float32)
+        if len(self._images) < IMAGES_KEPT:
+            self._images.append(pixels)
+        return pixels.reshape(shape)

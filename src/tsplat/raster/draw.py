@@ -1,0 +1,37 @@
+"""All stages of a frame as one kernel: the workers go from stage to stage together without going back to Python."""
+
+from __future__ import annotations
+
+from tsplat._jit import kernel
+from tsplat._threads import nanoseconds
+from tsplat.raster.bin import bin_tiles
+from tsplat.raster.composite import composite
+from tsplat.raster.project import project
+from tsplat.raster.sort import sort
+
+
+@kernel
+def draw(worker, frame):
+    """Draw a frame; return how many pairs of a tile and a splat it needs room for.
+
+    Worker 0 writes into ``stamps`` when the frame began and when each stage was done, in nanoseconds.
+    """
+    _stamp(worker, frame, 0)
+    if not project(worker, frame):
+        return -1
+    _stamp(worker, frame, 1)
+    if not sort(worker, frame):
+        return -1
+    _stamp(worker, frame, 2)
+    pairs = bin_tiles(worker, frame)
+    _stamp(worker, frame, 3)
+    if 0 <= pairs <= len(frame.isect_ids):
+        composite(worker, frame)
+        _stamp(worker, frame, 4)
+    return pairs
+
+
+@kernel
+def _stamp(worker, frame, stage):
+    if worker == 0:
+        frame.stamps[stage] = nanoseconds()

@@ -1,0 +1,146 @@
+"""Everything one frame reads and writes, as the stages see it: plain arrays and numbers, for all workers alike."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from tsplat import _threads
+from tsplat._bits import BATCH
+from tsplat.camera import Camera
+from tsplat.raster import record
+from tsplat.raster.cells import TILE
+from tsplat.raster.prepare import BLOCK, Prepared
+from tsplat.rendering import DEPTH_BITS_IGNORED, JACOBIAN_LIMIT, RenderOptions
+from tsplat.scene import SH_COEFFICIENTS
+
+F32 = npt.NDArray[np.float32]
+I64 = npt.NDArray[np.int64]
+
+NEXT_BLOCK, NEXT_TILE = _threads.FIRST_FREE, _threads.FIRST_FREE + 8
+"""Counters of the team: the work that nobody has taken yet."""
+
+COUNTERS = 2
+
+LOW_BITS = 11
+BUCKETS = 1 << (31 - DEPTH_BITS_IGNORED - LOW_BITS)
+"""Of the second pass of the sort, which needs more: depths are positive, so there is no sign bit."""
+
+SCRATCH_ROWS = 20
+SCRATCH = SCRATCH_ROWS * BLOCK
+"""float32 values of a worker's own memory; project and composite use it in turn, in the first-level cache."""
+
+SLACK = 64
+"""Entries behind the last one that may be read ahead, never used."""
+
+STAGES = ("project", "sort", "bin", "composite")
+
+
+class Frame(NamedTuple):
+    """One frame; P is the number of splats padded to blocks, V of visible ones, T of tiles, W of workers.
+
+    ``numbers`` are the camera's and the options', see `_numbers`. What `Prepared` describes is
+    flat here. ``isect_ids`` may turn out too short: then nothing is composited, and `draw` returns what it needs.
+    """
+
+    numbers: F32
+    width: int
+    height: int
+    tile_columns: int
+    tile_count: int
+    workers: int
+    coefficients: int
+    coefficients_stored: int
+    means: F32
+    covars: F32
+    log2_opacities: F32
+    base_colors: F32
+    sh_rest: npt.NDArray[np.uint16]
+    records: F32
+    depth_keys: npt.NDArray[np.uint32]
+    tiles: npt.NDArray[np.uint64]
+    visible: npt.NDArray[np.int32]
+    pairs: npt.NDArray[np.uint64]
+    order: npt.NDArray[np.int32]
+    sorted_tiles: npt.NDArray[np.uint64]
+    isect_ids: npt.NDArray[np.int32]
+    sort_counts: I64
+    sort_cursors: I64
+    tile_counts: I64
+    tile_cursors: I64
+    scratch: F32
+    touched: npt.NDArray[np.uint16]
+    background: F32
+    colors: F32
+    alphas: F32
+    depths: F32 | None
+    team: I64
+    results: I64
+    stamps: I64
+
+
+def new_frame(scene: Prepared, camera: Camera, options: RenderOptions, pairs: int) -> Frame:
+    """Return a frame with room for this many pairs of a tile and a splat; its images belong to the caller."""
+    buffers, workers = scene.buffers, options.worker_count
+    padded = len(scene.log2_opacities)
+    height, width = camera.height, camera.width
+    tile_columns = -(-width // TILE)
+    tile_count = tile_columns * -(-height // TILE)
+
+    def by_worker(name: str, length: int, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
+        return buffers.array(name, workers * length, dtype)[: workers * length].reshape(workers, length)
+
+    return Frame(
+        numbers=_numbers(camera, options),
+        width=width,
+        height=height,
+        tile_columns=tile_columns,
+        tile_count=tile_count,
+        workers=workers,
+        coefficients=min(SH_COEFFICIENTS[options.sh_degree] - 1, scene.coefficients),
+        coefficients_stored=scene.coefficients,
+        means=scene.means,
+        covars=scene.covars,
+        log2_opacities=scene.log2_opacities,
+        base_colors=scene.base_colors,
+        sh_rest=scene.sh_rest,
+        records=scene.records,
+        depth_keys=scene.depth_keys,
+        tiles=scene.tiles,
+        visible=scene.visible,
+        pairs=buffers.array("pairs", padded + SLACK, np.uint64),
+        order=buffers.array("order", padded, np.int32),
+        sorted_tiles=buffers.array("sorted_tiles", padded, np.uint64),
+        isect_ids=buffers.array("isect_ids", pairs + SLACK, np.int32),
+        sort_counts=by_worker("sort_counts", BUCKETS, np.int64),
+        sort_cursors=by_worker("sort_cursors", BUCKETS, np.int64),
+        tile_counts=by_worker("tile_counts", tile_count, np.int64),
+        tile_cursors=by_worker("tile_cursors", tile_count, np.int64),
+        scratch=by_worker("scratch", SCRATCH, np.float32),
+        touched=by_worker("touched", BATCH, np.uint16),
+        background=np.asarray(options.background, np.float32),
+        colors=buffers.image(height, width, 3),
+        alphas=buffers.image(height, width),
+        depths=buffers.image(height, width) if options.depths else None,
+        team=buffers.array("team", len(_threads.new_team(COUNTERS)), np.int64),
+        results=by_worker("results", 8, np.int64),
+        stamps=buffers.array("stamps", len(STAGES) + 1, np.int64),
+    )
+
+
+def _numbers(camera: Camera, options: RenderOptions) -> F32:
+    """Return the world-to-camera matrix, its first three rows, then what `project` names, and the eye."""
+    (fx, _, cx), (_, fy, cy), _ = camera.K
+    margin = (JACOBIAN_LIMIT - 1.0) * 0.5
+    added, reference = options.filter2d(math.sqrt(fx * fy))
+    numbers = [
+        *camera.viewmat[:3].ravel(), fx, fy, cx, cy,
+        -cx / fx - margin * camera.width / fx, (camera.width - cx) / fx + margin * camera.width / fx,
+        -cy / fy - margin * camera.height / fy, (camera.height - cy) / fy + margin * camera.height / fy,
+        added, reference, options.near_plane, options.far_plane,
+        math.log2(options.alpha_min), options.sigma_extent**2, camera.width - 1, camera.height - 1, *camera.eye,
+    ]  # fmt: skip
+    return np.asarray(numbers, np.float32)

@@ -1,0 +1,85 @@
+"""The memory of one tile while it is drawn: cells of 4 by 4 pixels, each channel of a cell side by side.
+
+A cell holds transmittance, red, green, blue and depth, two vectors of eight lanes each: the upper
+two rows of four pixels, then the lower two. It stays in the first-level cache from clear to write.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tsplat._jit import kernel
+from tsplat._lanes import load, maximum, minus_abs, splat, store, store_rows, store_rows_rgb
+from tsplat.raster.cells import CELL, CELLS, GRID, TILE
+
+LIGHT, RED, GREEN, BLUE, DEPTH = 0, 16, 32, 48, 64
+"""Where the channels of a cell begin, in float32 values. The light of a finished pixel is negative."""
+
+CELL_SIZE = 80
+TILE_SIZE = CELLS * CELL_SIZE
+
+
+@kernel
+def clear(tile, width, height):
+    """Full light, no colour; pixels outside the image are finished. Return the cells that have others."""
+    zero, full = splat(np.float32(0.0)), splat(np.float32(1.0))
+    live = 0
+    for cell in range(CELLS):
+        x, y, at = cell % GRID * CELL, cell // GRID * CELL, cell * CELL_SIZE
+        for channel in range(at + RED, at + CELL_SIZE, 8):
+            store(tile, channel, zero)
+        live |= (1 if x < width and y < height else 0) << cell
+        if x + CELL <= width and y + CELL <= height:
+            store(tile, at, full)
+            store(tile, at + 8, full)
+        else:
+            for pixel in range(CELL * CELL):
+                inside = x + pixel % CELL < width and y + pixel // CELL < height
+                tile[at + pixel] = np.float32(1.0 if inside else -1.0)
+    return live
+
+
+@kernel
+def write(tile, left, top, background, colors, alphas, depths):
+    """Put a tile's pixels into the image, with the background behind them."""
+    height, width = alphas.shape
+    flat_colors, flat_alphas = colors.reshape(-1), alphas.reshape(-1)
+    for cell in range(CELLS):
+        x, y = left + cell % GRID * CELL, top + cell // GRID * CELL
+        if x + CELL <= width and y + CELL <= height:
+            for half in range(2):
+                at, pixel = cell * CELL_SIZE + 8 * half, (y + 2 * half) * width + x
+                _write_rows(tile, at, pixel, width, background, flat_colors, flat_alphas, depths)
+        else:
+            for row in range(y, min(y + CELL, height)):
+                for column in range(x, min(x + CELL, width)):
+                    at = cell * CELL_SIZE + (row - y) * CELL + column - x
+                    _write_pixel(tile, at, row, column, background, colors, alphas, depths)
+
+
+@kernel
+def _write_rows(tile, at, pixel, width, background, colors, alphas, depths):
+    """Write two rows of four pixels, from ``pixel`` and one row below it on."""
+    zero, one = splat(np.float32(0.0)), splat(np.float32(1.0))
+    light = zero - minus_abs(load(tile, at + LIGHT))
+    red = load(tile, at + RED) + light * splat(background[0])
+    green = load(tile, at + GREEN) + light * splat(background[1])
+    blue = load(tile, at + BLUE) + light * splat(background[2])
+    store_rows_rgb(colors, 3 * pixel, 3 * (pixel + width), red, green, blue)
+    alpha = one - light
+    store_rows(alphas, pixel, pixel + width, alpha)
+    if depths is not None:
+        depth = load(tile, at + DEPTH) / maximum(alpha, splat(np.float32(1e-10)))
+        store_rows(depths.reshape(-1), pixel, pixel + width, depth)
+
+
+@kernel
+def _write_pixel(tile, at, row, column, background, colors, alphas, depths):
+    light = abs(tile[at + LIGHT])
+    colors[row, column, 0] = tile[at + RED] + light * background[0]
+    colors[row, column, 1] = tile[at + GREEN] + light * background[1]
+    colors[row, column, 2] = tile[at + BLUE] + light * background[2]
+    alpha = np.float32(1.0) - light
+    alphas[row, column] = alpha
+    if depths is not None:
+        depths[row, column] = tile[at + DEPTH] / max(alpha, np.float32(1e-10))
