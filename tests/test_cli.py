@@ -249,7 +249,7 @@ def test_help_is_quick_because_it_imports_nothing_heavy() -> None:
 
 def help_page() -> str:
     """Return the page of all commands and options, from the definitions that the parser uses."""
-    context = click.Context(cli.command, info_name="tsplat")
+    context = click.Context(cli.command, info_name="tsplat", **cli.command.context_settings)
     parts = ["# The command line", "", "Made from the commands themselves by `pytest --update-goldens`.", ""]
     about: list[tuple[click.Command, click.Context]] = [(cli.command, context)]
     about += [(each, click.Context(each, context, name)) for name, each in cli.command.commands.items()]
