@@ -63,4 +63,4 @@ def test_stage(
         STOPWATCH.seconds += whole if stage == "frame" else 1e-3 * rendering.stage_ms[stage]
 
     benchmark.group = f"{size[0]}x{size[1]}, {name}, {threads} thr."
-    benchmark.pedantic(draw, rounds=ROUNDS, warmup_rounds=WARM_UP)
+    benchmark.pedantic(draw, rounds=ROUNDS, warmup_rounds=WARM_UP)  # type: ignore[no-untyped-call]
