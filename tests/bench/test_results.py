@@ -43,6 +43,14 @@ def test_rates_are_of_the_shortest_frames_of_each_view() -> None:
         assert run.copy_share(CEILINGS) == pytest.approx(6e6 / 2e-3 / 1e10)
 
 
+def test_a_stage_that_is_short_in_a_long_frame_makes_no_rate() -> None:
+    honest = times("a", [2.0, 4.0])
+    honest.milliseconds["composite"][1] = 0.001
+    run = ThreadRun(2, (honest,))
+    assert run.blends_per_second == pytest.approx(1e6 / 2e-3)
+    assert run.spreads["composite"].min == 0.001
+
+
 def test_the_share_of_the_micro_kernel_is_each_threads() -> None:
     one, two = (ThreadRun(threads, (times("a", [1.0]),)) for threads in (1, 2))
     assert one.blends_per_second == two.blends_per_second == pytest.approx(1e9)

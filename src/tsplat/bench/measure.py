@@ -125,6 +125,6 @@ def _draw(gaussians: Gaussians, view: View, threads: int, times: ViewTimes, *, c
     if not counted:
         return
     for stage, each in milliseconds.items():
-        times.milliseconds.setdefault(stage, []).append(each)
+        times.milliseconds.setdefault(stage, []).append(float(each))
     times.visible, times.pairs, times.blends = rendering.visible, rendering.pairs, rendering.blends
     times.project_bytes = project_bytes(gaussians, rendering, options)

@@ -74,7 +74,7 @@ def _views(result: SceneResult) -> Table:
     least = [f"{run.threads} thr. ms" for run in result.runs]
     table = _table("view", "visible", "pairs", "blends", *least)
     for index, view in enumerate(result.runs[0].views):
-        times = (f"{run.views[index].least(FRAME):.2f}" for run in result.runs)
+        times = (f"{run.views[index].of_shortest_frame(FRAME):.2f}" for run in result.runs)
         table.add_row(view.name, f"{view.visible:,}", f"{view.pairs:,}", f"{view.blends:,}", *times)
     return table
 

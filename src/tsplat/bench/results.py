@@ -1,7 +1,8 @@
 """What was measured, and what follows from it: spreads, rates and shares of the machine's ceilings.
 
-A rate divides the work of one frame of every view by the shortest time that each view took: other
-programs on the machine only ever add to a time.
+A rate divides the work of one frame of every view by the times of that view's shortest frame: other programs
+on the machine only ever add to a frame. They can take from a stage, when the thread that holds the watch is the one
+that was held up, so a stage's own shortest time is no base for a rate.
 """
 
 from __future__ import annotations
@@ -70,9 +71,10 @@ class ViewTimes:
     blends: int = 0
     project_bytes: int = 0
 
-    def least(self, stage: str) -> float:
-        """Return the shortest time of a stage in milliseconds, 0 where there is no such stage."""
-        return min(self.milliseconds.get(stage, [0.0]))
+    def of_shortest_frame(self, stage: str) -> float:
+        """Return the time of a stage in the shortest frame, in milliseconds, 0 where there is no such stage."""
+        frames = self.milliseconds[FRAME]
+        return self.milliseconds[stage][frames.index(min(frames))] if stage in self.milliseconds else 0.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -95,12 +97,12 @@ class ThreadRun:
     @property
     def frame_ms(self) -> float:
         """Shortest whole frame of each view, the mean over the views, in milliseconds."""
-        return self._least(FRAME) / len(self.views)
+        return self._shortest(FRAME) / len(self.views)
 
     @property
     def blends_per_second(self) -> float | None:
         """Cell blends a second of the composite stage on all threads together; None where none was counted."""
-        return _rate(sum(view.blends for view in self.views), self._least("composite"))
+        return _rate(sum(view.blends for view in self.views), self._shortest("composite"))
 
     def speedup(self, one: ThreadRun | None) -> float | None:
         """Return how many times as fast as ``one`` this is; None where one of them was not measured."""
@@ -114,11 +116,11 @@ class ThreadRun:
         """Return what project reaches of a plain copy's bandwidth, both on one thread; None where unknown."""
         if self.threads != 1:
             return None
-        rate = _rate(sum(view.project_bytes for view in self.views), self._least("project"))
+        rate = _rate(sum(view.project_bytes for view in self.views), self._shortest("project"))
         return _share(rate, ceilings.copy_bytes_per_second)
 
-    def _least(self, stage: str) -> float:
-        return sum(view.least(stage) for view in self.views)
+    def _shortest(self, stage: str) -> float:
+        return sum(view.of_shortest_frame(stage) for view in self.views)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
