@@ -1,8 +1,8 @@
 """What was measured, and what follows from it: spreads, rates and shares of the machine's ceilings.
 
-A rate divides the work of one frame of every view by the times of that view's shortest frame: other programs
-on the machine only ever add to a frame. They can take from a stage, when the thread that holds the watch is the one
-that was held up, so a stage's own shortest time is no base for a rate.
+A rate divides the work of one frame of every view by the times of that view's shortest frame: other
+programs only ever add to a frame. They can take from a stage, when the thread that holds the watch is
+the one that was held up, so a stage's own shortest time is no base for a rate.
 """
 
 from __future__ import annotations
