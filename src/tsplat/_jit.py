@@ -1,25 +1,17 @@
-"""The only use of njit, so that options and the place of the disk cache never drift.
-
-Numba notices an edit only in the file of the kernel itself, not in the helpers it calls. Here the
-cache folder is named after everything that can change the machine code, so it is never stale,
-and it lies in the user's cache, so a read-only installation compiles once as well.
-"""
+"""The only use of njit, so that options never drift; it also counts what is compiled, for those who wait."""
 
 from __future__ import annotations
 
-import hashlib
-import os
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from functools import lru_cache
-from pathlib import Path
-from typing import Any, TypeVar
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeVar
 
 import numba
-import platformdirs
 from llvmlite import ir
-from numba.core import types
-from numba.extending import intrinsic
+from numba.core import event, types
+from numba.extending import intrinsic, register_jitable
+
+from tsplat._kernel_cache import keep_compiled
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -33,51 +25,67 @@ FASTMATH = {"contract", "arcp", "nsz"}
 ``reassoc`` would simplify the rounding trick of `_lanes.exp2` away."""
 
 
+OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": FASTMATH}
+
+
+class Progress(NamedTuple):
+    """How far compiling is: functions compiled, functions known, and seconds since it began."""
+
+    done: int
+    total: int
+    seconds: float
+
+
+class _Watch(event.Listener):  # type: ignore[misc]
+    """Hears when Numba starts and ends to compile a function; loading one makes no sound."""
+
+    def __init__(self) -> None:
+        self.known: set[Any] = set()
+        self.done: set[Any] = set()
+        self.start: float | None = None
+
+    def on_start(self, event: Any) -> None:
+        if self.start is None and event.data["dispatcher"].py_func in self.known:
+            self.start = time.perf_counter()
+
+    def on_end(self, event: Any) -> None:
+        self.done.add(event.data["dispatcher"].py_func)
+
+
+_watch = _Watch()
+event.register("numba:compile", _watch)
+
+
+def progress() -> Progress | None:
+    """Return how far compiling is, or None where this process has compiled nothing, as most processes do."""
+    if _watch.start is None:
+        return None
+    known = _watch.known.copy()  # another thread may be importing kernels
+    return Progress(len(known & _watch.done), len(known), time.perf_counter() - _watch.start)
+
+
 def kernel(function: Function) -> Function:
     """Compile a function on its first call; it must neither raise nor touch Python objects.
 
     It releases the interpreter lock, divides by zero as IEEE does, and is cached on disk.
     """
-    folder = _cache_folder()
-    with _numba_cache_dir(folder):
-        compiled: Function = numba.njit(
-            function, cache=folder is not None, nogil=True, error_model="numpy", fastmath=FASTMATH
-        )
+    compiled: Function = numba.njit(function, **OPTIONS)
+    if JIT:
+        _watch.known.add(function)
+        keep_compiled(compiled, function)
     return compiled
 
 
-@lru_cache(maxsize=1)
-def _cache_folder() -> Path | None:
-    """Return the folder for machine code, or None where no such folder can be written."""
-    chosen = os.environ.get("NUMBA_CACHE_DIR") or platformdirs.user_cache_dir("tsplat")
-    folder = Path(chosen) / f"kernels-{_source_digest()}"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError:
-        return None
-    return folder if os.access(folder, os.W_OK) else None
+def part(function: Function) -> Function:
+    """Let kernels call a function; called from Python it is plain Python.
 
-
-def _source_digest() -> str:
-    """Return a name for all that decides the machine code besides the processor, which Numba checks."""
-    digest = hashlib.sha256(f"{numba.__version__} {_config.BOUNDSCHECK}".encode())
-    for path in sorted(Path(__file__).parent.rglob("*.py")):
-        source = path.read_bytes()
-        if b"tsplat._jit" in source or b"tsplat._lanes" in source:
-            digest.update(source)
-    digest.update(Path(__file__).read_bytes())
-    return digest.hexdigest()[:16]
-
-
-@contextmanager
-def _numba_cache_dir(folder: Path | None) -> Iterator[None]:
-    # Numba asks for its cache folder once, when the decorator runs; other users of Numba keep theirs.
-    before = _config.CACHE_DIR
-    _config.CACHE_DIR = str(folder or "")
-    try:
-        yield
-    finally:
-        _config.CACHE_DIR = before
+    It has a third less to compile than a `kernel`: nothing that takes Python's objects apart, nothing to
+    keep on disk. To call it compiled, as a test may want to, make it a kernel as well: ``kernel(function)``.
+    """
+    if JIT:
+        _watch.known.add(function)
+    registered: Function = register_jitable(**OPTIONS)(function)
+    return registered
 
 
 def device(function: Callable[..., Any]) -> Any:
