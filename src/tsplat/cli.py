@@ -7,10 +7,8 @@ from __future__ import annotations
 
 import os
 import sys
-import time
 import warnings
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +18,9 @@ from tsplat import __version__
 from tsplat.arguments import BACKGROUND, POINT, UP, Triples, ViewByDefault
 from tsplat.bench.command import bench
 from tsplat.errors import LoadWarning, OptionError, TsplatError
+from tsplat.progress import loading, wait_for_kernels
 from tsplat.rendering import ANTIALIAS, TRAIN_FOCAL_GUESS, RenderOptions
+from tsplat.warmup import WarmUp
 
 if TYPE_CHECKING:
     from tsplat.camera import Camera, Vector
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
 DEMO = "demo"
 OUTPUTS = ("kitty", "sixel", "half", "half256")
-PROGRESS_AFTER = 1.0
-"""Seconds of loading before a progress bar appears."""
 
 ANTIALIAS_HELP = (
     "How splats meet pixels: classic as in training, mip with opacities compensated, "
@@ -120,9 +118,11 @@ def view(scene: str, output: str | None, up: Vector | None, fov_y: float, raw_op
     printing = not sys.stdout.isatty()
     if printing and output not in (None, "half", "half256"):
         raise OptionError(f"--output {output} needs a terminal; a printed picture is half or half256")
-    gaussians = _load(scene, options.pop("max_splats"), raw_opacity)
+    warm_up = WarmUp()
+    gaussians = _load(scene, options.pop("max_splats"), raw_opacity, warm_up)
     chosen = _options(scene, "relative", options)
     if printing:
+        wait_for_kernels(warm_up)
         return _print_frame(gaussians, chosen, output or "half", _printed_size(width, height), fov_y=fov_y, up=up)
     from tsplat import viewer
 
@@ -150,12 +150,13 @@ def render(scene: str, output: str, width: int, height: int, max_splats: int | N
 
     images.check_suffix(output)
     view = {name: options.pop(name) for name in ("eye", "target", "up", "fov_y")}
-    gaussians = _load(scene, max_splats, raw_opacity)
+    warm_up = WarmUp()
+    gaussians = _load(scene, max_splats, raw_opacity, warm_up)
     chosen = _options(scene, "classic", options)
     camera = _camera(gaussians, width, height, **view)
+    wait_for_kernels(warm_up)
     from tsplat.raster import rasterize
 
-    rasterize(gaussians.take([0] if len(gaussians) else []), camera.resized(8, 8), chosen)  # loads the kernels
     rendering = rasterize(gaussians, camera, chosen)
     milliseconds = sum(rendering.stage_ms.values())
     path = rendering.save(output)
@@ -189,38 +190,11 @@ def _path(scene: str) -> Path:
     return demo_path() if scene == DEMO else Path(scene)
 
 
-def _load(scene: str, max_splats: int | None, raw_opacity: bool) -> Gaussians:
+def _load(scene: str, max_splats: int | None, raw_opacity: bool, warm_up: WarmUp | None = None) -> Gaussians:
     from tsplat.io import load
 
-    with _progress(scene) as progress:
+    with loading(scene, warm_up) as progress:
         return load(_path(scene), max_splats=max_splats, raw_opacity=raw_opacity, progress=progress)
-
-
-@contextmanager
-def _progress(scene: str) -> Iterator[Callable[[float], None] | None]:
-    """Give a callback that shows a bar on stderr once loading has taken a second."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    start, bar = time.perf_counter(), None
-
-    def show(fraction: float) -> None:
-        nonlocal bar
-        if bar is None and time.perf_counter() - start > PROGRESS_AFTER:
-            from rich.console import Console
-            from rich.progress import Progress
-
-            bar = Progress(console=Console(stderr=True), transient=True)
-            bar.add_task(f"loading {Path(scene).name}", total=1.0)
-            bar.start()
-        if bar is not None:
-            bar.update(bar.task_ids[0], completed=fraction)
-
-    try:
-        yield show
-    finally:
-        if bar is not None:
-            bar.stop()
 
 
 def _options(scene: str, antialias: str, options: dict[str, Any]) -> RenderOptions:
@@ -231,7 +205,7 @@ def _options(scene: str, antialias: str, options: dict[str, Any]) -> RenderOptio
 
         wanted = options["antialias"] == "relative"
         options["train_focal"] = (wanted and train_focal_beside(_path(scene))) or TRAIN_FOCAL_GUESS
-    return RenderOptions(**options)
+    return RenderOptions(depths=False, **options)
 
 
 def _camera(

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tests.viewer.states import a_state
+from tsplat._jit import Progress
 from tsplat.encode import EncodedFrame
 from tsplat.errors import SaveError
 from tsplat.rendering import RenderOptions
@@ -70,10 +71,12 @@ class FakePainter(Painter):
         self.views: list[ViewerState] = []
         self.refuse = False
 
+    def warm_up(self, state: ViewerState) -> None:
+        pass
+
     def draw(self, state: ViewerState) -> Drawn:
-        if threading.current_thread() is threading.main_thread():
-            self.views.append(state)
-            self.choose(state)
+        self.views.append(state)
+        self.choose(state)
         return Drawn(np.zeros((2, 2, 3), np.uint8), 7, {"project": 1.0})
 
     def encode(self, state: ViewerState, frame: object, spans: Sequence[Span]) -> tuple[EncodedFrame, bytes]:  # noqa: ARG002
@@ -186,9 +189,8 @@ def test_a_slow_start_says_what_it_waits_for_and_can_be_quit(tmp_path: Path) -> 
     done = threading.Event()
 
     class SlowPainter(FakePainter):
-        def draw(self, state: ViewerState) -> Drawn:
+        def warm_up(self, state: ViewerState) -> None:  # noqa: ARG002
             done.wait(20.0)
-            return super().draw(state)
 
     class Impatient(FakeTerminal):
         def events(self, timeout: float) -> list[Event]:  # noqa: ARG002
@@ -203,10 +205,29 @@ def test_a_slow_start_says_what_it_waits_for_and_can_be_quit(tmp_path: Path) -> 
     assert b"(draw" not in b"".join(terminal.written)
 
 
-def test_only_a_long_start_is_called_compiling(tmp_path: Path) -> None:
+def test_a_start_that_compiles_says_how_far_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Compiling(FakePainter):
+        def warm_up(self, state: ViewerState) -> None:  # noqa: ARG002
+            assert terminal.told.wait(20.0)
+
+    class Told(FakeTerminal):
+        told = threading.Event()
+
+        def write(self, screen: bytes) -> None:
+            super().write(screen)
+            self.told.set()
+
+    monkeypatch.setattr("tsplat._jit.progress", lambda: Progress(4, 38, 5.2))
+    terminal = Told()
+    Viewer(terminal, Compiling(), a_state(), "tsplat-x", tmp_path).run()
+    assert b" compiling kernels, first run only: 4 of 38, 5 s " in terminal.written[0]
+    assert b"starting" not in terminal.written[0]
+
+
+def test_a_notice_is_in_the_middle_and_never_wider_than_the_screen(tmp_path: Path) -> None:
     viewer = Viewer(FakeTerminal(), FakePainter(), a_state(), "tsplat-x", tmp_path)
-    assert b"compiling" not in viewer.notice(1.0)
-    assert b"compiling kernels, first run only: 4 s" in viewer.notice(4.2)
+    assert viewer.notice("start") == b"\x1b[12;37H start "
+    assert viewer.notice("x" * 100) == b"\x1b[12;1H " + b"x" * 79
 
 
 def test_below_sixel_the_screen_has_the_scenes_background(tmp_path: Path) -> None:
@@ -218,10 +239,8 @@ def test_below_sixel_the_screen_has_the_scenes_background(tmp_path: Path) -> Non
 
 def test_an_error_while_drawing_is_not_swallowed(tmp_path: Path) -> None:
     class Broken(FakePainter):
-        def draw(self, state: ViewerState) -> Drawn:
-            if threading.current_thread() is threading.main_thread():
-                raise ZeroDivisionError
-            return super().draw(state)
+        def draw(self, state: ViewerState) -> Drawn:  # noqa: ARG002
+            raise ZeroDivisionError
 
     with pytest.raises(ZeroDivisionError):
         Viewer(FakeTerminal(), Broken(), a_state(), "tsplat-x", tmp_path).run()

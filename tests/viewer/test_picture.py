@@ -11,7 +11,7 @@ from PIL import Image
 
 from tests.scenes import random_gaussians
 from tests.viewer.states import a_state
-from tsplat.encode import encoder
+from tsplat.encode import ENCODERS, encoder
 from tsplat.errors import SaveError
 from tsplat.terminal.keys import TerminalSize
 from tsplat.viewer.picture import Painter, frame_size, free_path, saturated, view_camera
@@ -54,6 +54,13 @@ def test_drawing_gives_a_frame_and_its_bytes(painter: Painter) -> None:
     assert encoded.draw
     assert text == b""
     assert 0 < drawn.visible <= 200
+
+
+@pytest.mark.parametrize("output", ENCODERS)
+def test_warming_up_leaves_what_is_known_of_the_screen_alone(painter: Painter, output: str) -> None:
+    before = painter.choose(a_state(output="half"))
+    painter.warm_up(a_state(output=output))
+    assert painter.encoder is before
 
 
 def test_panels_over_kitty_are_in_the_picture_and_elsewhere_in_the_text(painter: Painter) -> None:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections import deque
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 
@@ -17,6 +17,7 @@ from tsplat.viewer.picture import Drawn, Painter, empty_cell, free_path
 from tsplat.viewer.spans import Span, erased
 from tsplat.viewer.state import Notice, Tick, ViewerState, overlay, picture
 from tsplat.viewer.update import update
+from tsplat.warmup import WarmUp
 
 FRAME_SECONDS = 1.0 / 60.0
 REST_SECONDS = 3600.0
@@ -24,9 +25,7 @@ NOTICE_SECONDS = 0.2
 """A start that is quicker than this shows no notice."""
 
 HOME, ERASE_SCREEN = b"\x1b[H", b"\x1b[2J"
-STARTING, COMPILING = "starting", "compiling kernels, first run only: {seconds:.0f} s"
-COMPILING_SECONDS = 2.5
-"""Loading compiled kernels takes less than this."""
+STARTING = "starting"
 
 
 class Terminal(Protocol):
@@ -174,26 +173,18 @@ class Viewer:
     def warm_up(self) -> None:
         """Compile or load the kernels with a notice on screen, ready to be told to stop."""
         start = time.perf_counter()
-        # A daemon, so that quitting does not wait for the compiler; the frame itself is drawn again, in
-        # the main thread, where its errors belong.
-        worker = threading.Thread(target=self._first_frame, args=(self.state,), daemon=True)
-        worker.start()
-        while worker.is_alive() and self.state.running:
-            worker.join(0.01)
+        kernels = WarmUp(partial(self.painter.warm_up, self.state)).start()
+        while not kernels.done(0.01) and self.state.running:
             self.take(self.session.events(0.0))
-            seconds = time.perf_counter() - start
-            if seconds > NOTICE_SECONDS:
-                self.session.write(self.session.synchronized(self.notice(seconds)))
-                worker.join(0.1)
+            if time.perf_counter() - start > NOTICE_SECONDS:
+                self.session.write(self.session.synchronized(self.notice(kernels.notice() or STARTING)))
+                kernels.done(0.1)
 
-    def _first_frame(self, state: ViewerState) -> None:
-        self.painter.encode(state, self.painter.draw(state).frame, [])
-
-    def notice(self, seconds: float) -> bytes:
+    def notice(self, text: str) -> bytes:
         """Return what shows, in the middle of the screen, that something goes on."""
         size = self.state.size
-        text = (STARTING if seconds < COMPILING_SECONDS else COMPILING.format(seconds=seconds))[: size.columns]
-        return f"\x1b[{(size.rows + 1) // 2};{(size.columns - len(text)) // 2 + 1}H{text}".encode()
+        shown = f" {text} "[: size.columns]  # the spaces erase what a longer text left
+        return f"\x1b[{(size.rows + 1) // 2};{(size.columns - len(shown)) // 2 + 1}H{shown}".encode()
 
 
 def detected(profile: Profile) -> str:

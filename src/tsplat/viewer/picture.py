@@ -17,6 +17,7 @@ from tsplat.terminal.keys import TerminalSize
 from tsplat.viewer.scenes import SceneVariants
 from tsplat.viewer.spans import Span, painted, shaded
 from tsplat.viewer.state import ViewerState
+from tsplat.warmup import SIDE, draw_tiny
 
 F32 = npt.NDArray[np.float32]
 U8 = npt.NDArray[np.uint8]
@@ -52,6 +53,12 @@ class Painter:
     def __init__(self, scenes: SceneVariants) -> None:
         self.scenes = scenes
         self.encoder: Encoder | None = None
+
+    def warm_up(self, state: ViewerState) -> None:
+        """Make the kernels ready that drawing and encoding this state needs; may run on any thread."""
+        chosen = encoder(state.output)  # not the one that remembers what is on screen
+        draw_tiny(replace(state.options, depths=False))
+        chosen.encode(np.zeros((SIDE, SIDE, 3), np.uint8), 4, 2, FALLBACK_CELL)
 
     def draw(self, state: ViewerState) -> Drawn:
         """Render a frame of the size that the output needs."""

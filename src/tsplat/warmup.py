@@ -1,0 +1,91 @@
+"""Kernels are made ready on a thread while something else goes on: loaded, or compiled on the first run ever."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsplat.camera import Camera
+from tsplat.rendering import RenderOptions
+from tsplat.scene import Gaussians
+
+if TYPE_CHECKING:
+    from tsplat._jit import Progress
+
+SPLATS = 4
+SIDE = 32
+"""Pixels of the picture that is drawn for the sake of its kernels."""
+
+
+class WarmUp:
+    """Does a job that needs kernels, on a thread that no one has to wait for.
+
+    Parameters
+    ----------
+    job : callable, optional
+        What to do; by default `draw_tiny`.
+    """
+
+    def __init__(self, job: Callable[[], None] | None = None) -> None:
+        self._job = job or draw_tiny
+        self._progress: Callable[[], Progress | None] = lambda: None
+        # A daemon, so that quitting does not wait for the compiler.
+        self._thread = threading.Thread(target=self._run, name="tsplat-warm-up", daemon=True)
+
+    def start(self) -> WarmUp:
+        """Start, unless it was started before."""
+        if self._thread.ident is None:
+            self._thread.start()
+        return self
+
+    def _run(self) -> None:
+        from tsplat._jit import progress  # brings in Numba, which the other threads should not wait for
+
+        self._progress = progress
+        self._job()
+
+    def done(self, timeout: float) -> bool:
+        """Wait for at most this many seconds; return whether the job is done."""
+        self._thread.join(timeout)
+        return not self._thread.is_alive()
+
+    @property
+    def compiling(self) -> float:
+        """Seconds since the first kernel began to be compiled; 0 where they are loaded."""
+        progress = self._progress()
+        return progress.seconds if progress else 0.0
+
+    def notice(self) -> str:
+        """Return what to tell the person who waits; nothing where no kernel is compiled."""
+        progress = self._progress()
+        if progress is None:
+            return ""
+        done, total, seconds = progress
+        return f"compiling kernels, first run only: {done} of {total}, {seconds:.0f} s"
+
+
+def draw_tiny(options: RenderOptions | None = None) -> None:
+    """Draw a few splats on one thread, with arguments of the types that every scene has.
+
+    One thread, because a pool of them would have to end before the process can.
+    """
+    from tsplat._jit import JIT
+    from tsplat.raster import rasterize
+
+    if not JIT:
+        return
+    gaussians = Gaussians(
+        means=np.zeros((SPLATS, 3), np.float32),
+        quats=np.tile(np.array([1, 0, 0, 0], np.float32), (SPLATS, 1)),
+        scales=np.full((SPLATS, 3), 0.1, np.float32),
+        opacities=np.full(SPLATS, 0.5, np.float32),
+        sh=np.full((SPLATS, 16, 3), 0.1, np.float32),
+    )
+    camera = Camera.look_at(
+        (0.0, 0.0, -3.0), (0.0, 0.0, 0.0), (0.0, -1.0, 0.0), width=SIDE, height=SIDE, fov_y=55.0
+    )
+    rasterize(gaussians, camera, replace(options or RenderOptions(depths=False), threads=1))

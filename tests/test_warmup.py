@@ -1,0 +1,132 @@
+"""Kernels made ready beside the loading, and what is said meanwhile."""
+
+from __future__ import annotations
+
+import io
+import subprocess
+import sys
+import threading
+
+import pytest
+
+from tsplat import progress, warmup
+from tsplat._jit import JIT, Progress
+from tsplat.warmup import WarmUp
+
+DEADLINE = 60.0
+
+
+class Compiling(WarmUp):
+    """Says that it compiles, until it was asked a few times."""
+
+    def __init__(self, seconds: float) -> None:
+        super().__init__(lambda: None)
+        self.seconds, self.asked = seconds, 0
+
+    def start(self) -> WarmUp:
+        self._progress = lambda: Progress(4, 9, self.seconds)
+        return self
+
+    def done(self, timeout: float) -> bool:  # noqa: ARG002
+        self.asked += 1
+        return self.asked > 3
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def said(monkeypatch: pytest.MonkeyPatch, stderr: io.StringIO, seconds: float) -> str:
+    """Return what is said while kernels compile for this long."""
+    monkeypatch.setattr(sys, "stderr", stderr)
+    progress.wait_for_kernels(Compiling(seconds))
+    return stderr.getvalue()
+
+
+def test_a_terminal_is_told_how_far_it_is_and_the_line_goes_away(monkeypatch: pytest.MonkeyPatch) -> None:
+    line = "\r\x1b[Kcompiling kernels, first run only: 4 of 9, 2 s"
+    assert said(monkeypatch, Terminal(), 2.2) == 3 * line + "\r\x1b[K"
+
+
+def test_a_log_gets_one_plain_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert said(monkeypatch, io.StringIO(), 2.2) == "tsplat: compiling kernels, first run only\n"
+
+
+def test_a_quick_compilation_is_not_mentioned(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert said(monkeypatch, Terminal(), 0.5) == said(monkeypatch, io.StringIO(), 0.5) == ""
+
+
+def test_the_line_goes_away_when_the_person_gives_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    class GivenUp(Compiling):
+        def done(self, timeout: float) -> bool:
+            if super().done(timeout) or self.asked > 2:
+                raise KeyboardInterrupt
+            return False
+
+    stderr = Terminal()
+    monkeypatch.setattr(sys, "stderr", stderr)
+    with pytest.raises(KeyboardInterrupt):
+        progress.wait_for_kernels(GivenUp(3.0))
+    assert stderr.getvalue().endswith("3 s\r\x1b[K")
+
+
+def test_the_job_runs_once_on_a_thread_that_no_one_has_to_wait_for() -> None:
+    go, ran = threading.Event(), []
+
+    def job() -> None:
+        assert go.wait(DEADLINE)
+        ran.append(threading.current_thread())
+
+    warm_up = WarmUp(job).start().start()
+    assert not warm_up.done(0.0)
+    go.set()
+    assert warm_up.done(DEADLINE)
+    (thread,) = ran
+    assert thread is not threading.current_thread()
+    assert thread.daemon
+
+
+@pytest.mark.parametrize(("after", "started"), [(0.0, True), (1e9, False)])
+def test_only_a_long_loading_starts_the_kernels(
+    monkeypatch: pytest.MonkeyPatch, after: float, started: bool
+) -> None:
+    monkeypatch.setattr(progress, "WARM_UP_AFTER", after)
+    ran = threading.Event()
+    warm_up = WarmUp(ran.set)
+    with progress.loading("x.ply", warm_up) as show:
+        show(0.5)
+        show(1.0)
+    assert (warm_up._thread.ident is not None) == started
+    assert warm_up.start().done(DEADLINE)
+    assert ran.is_set()
+
+
+@pytest.mark.skipif(not JIT, reason="nothing is compiled or loaded")
+def test_after_the_tiny_picture_a_real_one_needs_no_other_kernel() -> None:
+    code = """
+from tsplat import _kernel_cache, warmup
+warmup.draw_tiny()
+asked = []
+load = _kernel_cache.LoadingCache.load_overload
+_kernel_cache.LoadingCache.load_overload = lambda self, *args: asked.append(self) or load(self, *args)
+import numpy as np, tsplat
+from tests.scenes import random_gaussians
+camera = tsplat.Camera.look_at((0, 0, -3), (0, 0, 0), (0, -1, 0), width=200, height=150, fov_y=55.0)
+for degree in range(4):
+    scene = random_gaussians(np.random.default_rng(0), 5000, sh_degree=degree)
+    for antialias in ("classic", "relative"):
+        tsplat.render(scene, camera, depths=False, antialias=antialias, sh_degree=min(degree, 2))
+print(asked)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=120, check=False)
+    assert done.stdout == b"[]\n", done.stderr.decode()
+
+
+def test_warming_up_draws_nothing_where_nothing_is_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise AssertionError("drawn")
+
+    monkeypatch.setattr("tsplat.raster.rasterize", refuse)  # first: importing it asks for JIT too
+    monkeypatch.setattr("tsplat._jit.JIT", False)
+    warmup.draw_tiny()
