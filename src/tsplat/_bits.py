@@ -25,7 +25,7 @@ _FOUR = ir.VectorType(_INT, 4)
 @device
 def _lowest(typingctx: Any, bits: Any) -> Any:
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return _call(builder, "llvm.cttz.i64", _LONG, [args[0], ir.Constant(ir.IntType(1), 1)])
+        return _call(builder, "llvm.cttz.i64", _LONG, [args[0], ir.Constant(ir.IntType(1), 0)])
 
     return types.int64(types.uint64), codegen
 
@@ -80,8 +80,8 @@ def _spans(typingctx: Any, ends: Any) -> Any:
 
 @_compiled_as(_lowest)
 def lowest(bits: Any) -> Any:
-    """The lowest member of a uint64 that has one."""
-    return (int(bits) & -int(bits)).bit_length() - 1
+    """The lowest member of a uint64; 64 when it has none."""
+    return (int(bits) & -int(bits)).bit_length() - 1 if bits else BATCH
 
 
 @_compiled_as(_count)

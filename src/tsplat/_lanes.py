@@ -236,6 +236,38 @@ def _store_rows_rgb(typingctx: Any, array: Any, upper: Any, lower: Any, red: Any
     return types.void(array, types.int64, types.int64, float8, float8, float8), codegen
 
 
+@device
+def _store_transposed(typingctx: Any, target: Any, at: Any, stride: Any, source: Any, start: Any, distance: Any) -> Any:
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        target, at, stride, source, start, distance = args
+        columns = []
+        for _ in range(LANES):
+            pointer = _vector_pointer(context, builder, sig.args[3], source, start)
+            columns.append(builder.load(pointer, align=4))
+            start = builder.add(start, distance)
+        for row in _transpose(builder, columns):
+            builder.store(row, _vector_pointer(context, builder, sig.args[0], target, at), align=4)
+            at = builder.add(at, stride)
+        return context.get_dummy_value()
+
+    return types.void(target, types.int64, types.int64, source, types.int64, types.int64), codegen
+
+
+def _transpose(builder: Any, columns: list[Any]) -> list[Any]:
+    """Return the rows of eight columns: pairs of lanes are exchanged at distance 1, then 2, then 4."""
+    rows = list(columns)
+    for distance in (1, 2, 4):
+        low = [lane + (LANES - distance if lane & distance else 0) for lane in range(LANES)]
+        high = [lane + (LANES if lane & distance else distance) for lane in range(LANES)]
+        for first in range(LANES):
+            if not first & distance:
+                pair = rows[first], rows[first + distance]
+                rows[first], rows[first + distance] = (
+                    builder.shuffle_vector(*pair, ir.Constant(_INT_VECTOR, chosen)) for chosen in (low, high)
+                )
+    return rows
+
+
 def _store_two_rows(
     context: Any, builder: Any, array_type: Any, place: Any, first: Any, second: Any, lanes: Any
 ) -> None:
@@ -366,6 +398,14 @@ def store_rows_rgb(array: Any, upper: Any, lower: Any, red: Any, green: Any, blu
     """Put red, green and blue of the first four lanes at offset ``upper``, of the others at ``lower``."""
     pixels = np.stack([red, green, blue], 1).ravel()
     array[upper : upper + 12], array[lower : lower + 12] = pixels[:12], pixels[12:]
+
+
+@_compiled_as(_store_transposed)
+def store_transposed(target: Any, at: Any, stride: Any, source: Any, start: Any, distance: Any) -> None:
+    """Copy eight vectors, ``distance`` apart, as the columns of eight rows of eight values, ``stride`` apart."""
+    for lane in range(LANES):
+        for column in range(LANES):
+            target[at + lane * stride + column] = source[start + column * distance + lane]
 
 
 @_compiled_as(_prefetch)

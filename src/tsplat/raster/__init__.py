@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 
 from tsplat.camera import Camera
@@ -37,10 +39,13 @@ def rasterize(gaussians: Gaussians, camera: Camera, options: RenderOptions) -> R
     scene = prepared(gaussians, threads)
     with scene.lock:
         frame = new_frame(scene, camera, options, pairs=2 * len(gaussians))
+        start = time.monotonic_ns()
         pairs = on_threads(threads, frame.team, draw, frame)
         if pairs > len(frame.isect_ids):
             frame = new_frame(scene, camera, options, pairs)
+            start = time.monotonic_ns()
             on_threads(threads, frame.team, draw, frame)
-        stage_ms = dict(zip(STAGES, 1e-6 * np.diff(frame.stamps[: len(STAGES) + 1]), strict=True))
+        ends = frame.stamps[: len(STAGES)]
+        stage_ms = dict(zip(STAGES, (1e-6 * np.diff(ends, prepend=start)).tolist(), strict=True))
         visible, blends = int(scene.visible.sum()), int(frame.results[:, BLENDS].sum())
         return Rendering(frame.colors, frame.alphas, frame.depths, visible, pairs, blends, stage_ms)

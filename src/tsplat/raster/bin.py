@@ -21,6 +21,7 @@ def bin_tiles(worker, frame):
     for block in range(len(frame.visible)):
         visible += frame.visible[block]
     first, end = stretch(worker, frame.workers, visible)
+    _gather_tiles(first, end, frame.order, frame.tiles.view(np.uint64), frame.sorted_tiles)
     _count(first, end, frame.tile_columns, frame.sorted_tiles, counts)
     if not meet(frame.team, frame.workers):
         return -1
@@ -31,10 +32,27 @@ def bin_tiles(worker, frame):
 
 
 @kernel
+def _gather_tiles(first, end, order, tiles, sorted_tiles):
+    # A loop of its own: with nothing else to wait for, many of these far loads are under way at once.
+    for i in range(first, end):
+        sorted_tiles[np.uint64(i)] = tiles[np.uint64(order[np.uint64(i)])]
+
+
+@kernel
 def _count(first, end, tile_columns, sorted_tiles, counts):
     counts[:] = 0
     for i in range(first, end):
         left, top, right, bottom = _corners(sorted_tiles[np.uint64(i)])
+        wide, high = right - left, bottom - top
+        if wide < 2 and high < 2:
+            # Most splats: four additions, some of zero, are quicker than loops whose ends nobody can predict.
+            corner = np.uint64(top * tile_columns + left)
+            counts[corner] += 1
+            counts[corner + np.uint64(wide)] += wide
+            corner += np.uint64(high * tile_columns)
+            counts[corner] += high
+            counts[corner + np.uint64(wide)] += wide * high
+            continue
         for row in range(top, bottom + 1):
             for tile in range(row * tile_columns + left, row * tile_columns + right + 1):
                 counts[np.uint64(tile)] += 1

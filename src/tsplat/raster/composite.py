@@ -1,8 +1,8 @@
 """Stage 4: blend the splats of each tile, nearest first.
 
 Source: Kerbl et al. 2023, eq. 3 and section 6. Splats are taken in batches of up to 64 records, each
-with the set of cells it touches. A cell then blends its splats of the batch one after another with its
-16 pixels in registers, and is left alone once all its pixels are finished.
+with the set of cells it touches. A cell then blends its splats of the batch, and is left alone once all its
+pixels are finished.
 """
 
 from __future__ import annotations
@@ -39,6 +39,8 @@ LANE_Y = (np.arange(8) // CELL).astype(np.float32)
 BLENDS = 0
 """Column of a worker's results: how many times it blended a splat into a cell."""
 
+NOBODY = BATCH * col.LENGTH
+
 AHEAD = 16
 """Records asked for before they are used: about what the first-level cache can wait for at once."""
 
@@ -49,6 +51,9 @@ def composite(worker, frame):
     tile, batch = frame.scratch[worker, :TILE_SIZE], frame.scratch[worker, TILE_SIZE:]
     touched, depths = frame.touched[worker], frame.depths
     isect_ends = frame.tile_cursors[frame.workers - 1]
+    # Behind the last member, one that is never seen completes the threes.
+    batch[NOBODY : NOBODY + col.LENGTH] = 0.0
+    batch[NOBODY + col.LOG2_CUT] = np.inf
     blends = 0
     while True:
         t = claim(frame.team, NEXT_TILE)
@@ -65,7 +70,7 @@ def composite(worker, frame):
                     splats = having(touched, cell)
                     blends += count(splats)
                     x, y = left + cell % GRID * CELL, top + cell // GRID * CELL
-                    if _blend(tile, cell * CELL_SIZE, x, y, batch, splats, depths):
+                    if blend_cell(tile, cell * CELL_SIZE, x, y, batch, splats, depths):
                         live &= ~(1 << cell)
         write(tile, left, top, frame.background, frame.colors, frame.alphas, depths)
 
@@ -89,46 +94,48 @@ def _fill_batch(isect_ids, next_, end, records, left, top, live, batch, touched)
 
 
 @kernel
-def _blend(tile, at, left, top, batch, splats, depths):
-    """Blend members of a batch into the cell at ``at``; return whether all its pixels are finished."""
+def blend_cell(tile, at, left, top, batch, splats, depths):
+    """Blend members of a batch into the cell at ``at``; return whether all its pixels are finished.
+
+    Three are taken at a time. Most of the work is a long chain of operations from a record to its alphas, and
+    what keeps the processor busy is that the chains of three splats have nothing to wait for in each other.
+    """
     x, y = load(LANE_X, 0) + splat(np.float32(left)), load(LANE_Y, 0) + splat(np.float32(top))
-    light0, light1 = load(tile, at + channel.LIGHT), load(tile, at + channel.LIGHT + 8)
-    red0, red1 = load(tile, at + channel.RED), load(tile, at + channel.RED + 8)
-    green0, green1 = load(tile, at + channel.GREEN), load(tile, at + channel.GREEN + 8)
-    blue0, blue1 = load(tile, at + channel.BLUE), load(tile, at + channel.BLUE + 8)
-    if depths is not None:
-        depth0, depth1 = load(tile, at + channel.DEPTH), load(tile, at + channel.DEPTH + 8)
     while splats != np.uint64(0):
-        r = lowest(splats) * col.LENGTH
+        first = lowest(splats) * col.LENGTH
         splats &= splats - np.uint64(1)
-        dx, dy = _value(batch, r + col.X) - x, _value(batch, r + col.Y) - y
-        b_dx, c = _value(batch, r + col.CONIC_B) * dx, _value(batch, r + col.CONIC_C)
-        a_dx2 = fma(_value(batch, r + col.CONIC_A) * dx, dx, _value(batch, r + col.LOG2_OPACITY))
-        cut = _value(batch, r + col.LOG2_CUT)
-        light0, weight0 = _absorb(light0, fma(fma(c, dy, b_dx), dy, a_dx2), cut)
-        dy = dy - splat(np.float32(2.0))
-        light1, weight1 = _absorb(light1, fma(fma(c, dy, b_dx), dy, a_dx2), cut)
-        red = _value(batch, r + col.RED)
-        red0, red1 = fma(weight0, red, red0), fma(weight1, red, red1)
-        green = _value(batch, r + col.GREEN)
-        green0, green1 = fma(weight0, green, green0), fma(weight1, green, green1)
-        blue = _value(batch, r + col.BLUE)
-        blue0, blue1 = fma(weight0, blue, blue0), fma(weight1, blue, blue1)
+        second = lowest(splats) * col.LENGTH
+        splats &= splats - np.uint64(1)
+        third = lowest(splats) * col.LENGTH
+        splats &= splats - np.uint64(1)
+        upper1, lower1 = _alphas(batch, first, x, y)
+        upper2, lower2 = _alphas(batch, second, x, y)
+        upper3, lower3 = _alphas(batch, third, x, y)
+        upper = _absorb_three(tile, at + channel.LIGHT, upper1, upper2, upper3)
+        lower = _absorb_three(tile, at + channel.LIGHT + 8, lower1, lower2, lower3)
+        _add_three(tile, at + channel.RED, upper, lower, batch, first, second, third, col.RED)
+        _add_three(tile, at + channel.GREEN, upper, lower, batch, first, second, third, col.GREEN)
+        _add_three(tile, at + channel.BLUE, upper, lower, batch, first, second, third, col.BLUE)
         if depths is not None:
-            depth = _value(batch, r + col.DEPTH)
-            depth0, depth1 = fma(weight0, depth, depth0), fma(weight1, depth, depth1)
-    store(tile, at + channel.LIGHT, light0)
-    store(tile, at + channel.LIGHT + 8, light1)
-    store(tile, at + channel.RED, red0)
-    store(tile, at + channel.RED + 8, red1)
-    store(tile, at + channel.GREEN, green0)
-    store(tile, at + channel.GREEN + 8, green1)
-    store(tile, at + channel.BLUE, blue0)
-    store(tile, at + channel.BLUE + 8, blue1)
-    if depths is not None:
-        store(tile, at + channel.DEPTH, depth0)
-        store(tile, at + channel.DEPTH + 8, depth1)
-    return lanes_at_least(maximum(light0, light1), splat(np.float32(0.0))) == 0
+            _add_three(tile, at + channel.DEPTH, upper, lower, batch, first, second, third, col.DEPTH)
+    most = maximum(load(tile, at + channel.LIGHT), load(tile, at + channel.LIGHT + 8))
+    return lanes_at_least(most, splat(np.float32(0.0))) == 0
+
+
+@kernel
+def _alphas(batch, member, x, y):
+    """Return the alphas of a member of the batch in the upper and the lower eight pixels of a cell."""
+    dx, dy = _value(batch, member + col.X) - x, _value(batch, member + col.Y) - y
+    b_dx, c = _value(batch, member + col.CONIC_B) * dx, _value(batch, member + col.CONIC_C)
+    a_dx2 = fma(_value(batch, member + col.CONIC_A) * dx, dx, _value(batch, member + col.LOG2_OPACITY))
+    upper = fma(fma(c, dy, b_dx), dy, a_dx2)
+    dy = dy - splat(np.float32(2.0))
+    lower = fma(fma(c, dy, b_dx), dy, a_dx2)
+    cut, most = _value(batch, member + col.LOG2_CUT), splat(np.float32(ALPHA_MAX))
+    return (
+        where_at_least(upper, cut, minimum(exp2(upper), most)),
+        where_at_least(lower, cut, minimum(exp2(lower), most)),
+    )
 
 
 @kernel
@@ -137,14 +144,33 @@ def _value(batch, at):
 
 
 @kernel
-def _absorb(light, log2_alpha, cut):
+def _absorb_three(tile, at, alpha1, alpha2, alpha3):
+    """Take the light that three splats absorb, one behind the other; return the weights of their colours."""
+    light = load(tile, at)
+    light, weight1 = _absorb(light, alpha1)
+    light, weight2 = _absorb(light, alpha2)
+    light, weight3 = _absorb(light, alpha3)
+    store(tile, at, light)
+    return weight1, weight2, weight3
+
+
+@kernel
+def _absorb(light, alpha):
     """Return the light behind a splat, and the weight of its colour.
 
     A pixel is finished before the splat that would leave it too little light. Its sign says so from then
     on: as what is left of a negative light is negative, nothing is blended into it any more.
     """
-    alpha = where_at_least(log2_alpha, cut, minimum(exp2(log2_alpha), splat(np.float32(ALPHA_MAX))))
     weight = alpha * light
     left_over, least = light - weight, splat(np.float32(TRANSMITTANCE_MIN))
     weight = where_above(left_over, least, weight, splat(np.float32(0.0)))
     return where_above(left_over, least, left_over, minus_abs(light)), weight
+
+
+@kernel
+def _add_three(tile, at, upper, lower, batch, first, second, third, column):
+    """Add a column of three members, by weight, to a channel of a cell."""
+    value1, value2 = _value(batch, first + column), _value(batch, second + column)
+    value3 = _value(batch, third + column)
+    store(tile, at, fma(upper[2], value3, fma(upper[1], value2, fma(upper[0], value1, load(tile, at)))))
+    store(tile, at + 8, fma(lower[2], value3, fma(lower[1], value2, fma(lower[0], value1, load(tile, at + 8)))))

@@ -14,20 +14,20 @@ from tsplat.raster.sort import sort
 def draw(worker, frame):
     """Draw a frame; return how many pairs of a tile and a splat it needs room for.
 
-    Worker 0 writes into ``stamps`` when the frame began and when each stage was done, in nanoseconds.
+    Worker 0 writes into ``stamps`` when each stage was done, in nanoseconds of the monotonic clock. As the
+    workers wait for each other at the end of a stage, that is when all were.
     """
-    _stamp(worker, frame, 0)
     if not project(worker, frame):
         return -1
-    _stamp(worker, frame, 1)
+    _stamp(worker, frame, 0)
     if not sort(worker, frame):
         return -1
-    _stamp(worker, frame, 2)
+    _stamp(worker, frame, 1)
     pairs = bin_tiles(worker, frame)
-    _stamp(worker, frame, 3)
+    _stamp(worker, frame, 2)
     if 0 <= pairs <= len(frame.isect_ids):
         composite(worker, frame)
-        _stamp(worker, frame, 4)
+        _stamp(worker, frame, 3)
     return pairs
 
 

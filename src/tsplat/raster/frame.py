@@ -61,7 +61,7 @@ class Frame(NamedTuple):
     sh_rest: npt.NDArray[np.uint16]
     records: F32
     depth_keys: npt.NDArray[np.uint32]
-    tiles: npt.NDArray[np.uint64]
+    tiles: npt.NDArray[np.uint32]
     visible: npt.NDArray[np.int32]
     pairs: npt.NDArray[np.uint64]
     order: npt.NDArray[np.int32]
@@ -127,7 +127,7 @@ def new_frame(scene: Prepared, camera: Camera, options: RenderOptions, pairs: in
         depths=buffers.image(height, width) if options.depths else None,
         team=buffers.array("team", len(_threads.new_team(COUNTERS)), np.int64),
         results=by_worker("results", 8, np.int64),
-        stamps=buffers.array("stamps", len(STAGES) + 1, np.int64),
+        stamps=buffers.array("stamps", len(STAGES), np.int64),
     )
 
 

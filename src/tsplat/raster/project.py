@@ -11,7 +11,7 @@ import numpy as np
 
 from tsplat._bits import lanes_at_least
 from tsplat._jit import kernel
-from tsplat._lanes import load, splat
+from tsplat._lanes import load, splat, store, store_transposed
 from tsplat._threads import claim, meet
 from tsplat.raster import record as col
 from tsplat.raster.cells import TILE
@@ -25,16 +25,21 @@ LOG2_E = math.log2(math.e)
 STRIDE = np.uint64(BLOCK)
 """BLOCK, unsigned as the indices are: a constant distance that LLVM can prove free of overlap."""
 
-# Rows of the scratch memory of a block, BLOCK values each: first what goes into the record, in its order.
-SEEN, LEFT, TOP, RIGHT, BOTTOM = 15, 16, 17, 18, 19
+# Rows of the scratch memory of a block, BLOCK values each: first what goes into the record, in its order, then
+# whether it is seen, and its first and last tile, the column in the low 16 bits of an integer, the row above.
+SEEN, FIRST_TILE, LAST_TILE = 15, 16, 17
 
-LOG2_TILE = np.uint64(int(math.log2(TILE)))
+ROWS_BY_SPLAT = 18 * BLOCK
+"""Behind these rows, the records of eight splats."""
+
+LOG2_TILE = np.int32(int(math.log2(TILE)))
 
 
 @kernel
 def project(worker, frame):
     """Fill ``records``, ``depth_keys``, ``tiles`` and ``visible``, block by block."""
     scratch = frame.scratch[worker]
+    bits = scratch.view(np.uint32)
     eye = frame.numbers[28:31]
     while True:
         block = claim(frame.team, NEXT_BLOCK)
@@ -42,7 +47,7 @@ def project(worker, frame):
         if start >= len(frame.log2_opacities):
             return meet(frame.team, frame.workers)
         _project_block(
-            start, frame.numbers, frame.means, frame.covars, frame.log2_opacities, frame.base_colors, scratch
+            start, frame.numbers, frame.means, frame.covars, frame.log2_opacities, frame.base_colors, scratch, bits
         )
         if frame.coefficients > 0:
             half = splat(np.float32(0.5))
@@ -50,11 +55,11 @@ def project(worker, frame):
                 if lanes_at_least(load(scratch, SEEN * BLOCK + first), half) != 0:
                     color_eight(start + first, frame.coefficients, frame.coefficients_stored, eye, frame.means,
                                 frame.base_colors, frame.sh_rest, scratch, col.RED * BLOCK + first)  # fmt: skip
-        frame.visible[block] = _keep_visible(start, scratch, frame.records, frame.depth_keys, frame.tiles)
+        frame.visible[block] = _keep_visible(start, scratch, bits, frame.records, frame.depth_keys, frame.tiles)
 
 
 @kernel
-def _project_block(start, numbers, means, covars, log2_opacities, base_colors, scratch):
+def _project_block(start, numbers, means, covars, log2_opacities, base_colors, scratch, bits):
     """Branch-free and over plain arrays, so that LLVM makes vectors of it."""
     r00, r01, r02, tx, r10, r11, r12, ty, r20, r21, r22, tz = numbers[:12]
     fx, fy, cx, cy, u_min, u_max, v_min, v_max, added, reference = numbers[12:22]
@@ -110,8 +115,13 @@ def _project_block(start, numbers, means, covars, log2_opacities, base_colors, s
         scratch[np.uint64(col.NARROWING) * STRIDE + k] = variance * inverse_d
         scratch[np.uint64(col.RIGHTMOST) * STRIDE + k] = b * squared_radius / radius_x
         scratch[np.uint64(SEEN) * STRIDE + k] = one if seen else zero
-        scratch[np.uint64(LEFT) * STRIDE + k], scratch[np.uint64(TOP) * STRIDE + k] = left, top
-        scratch[np.uint64(RIGHT) * STRIDE + k], scratch[np.uint64(BOTTOM) * STRIDE + k] = right, bottom
+        bits[np.uint64(FIRST_TILE) * STRIDE + k] = _tile_of(left, top)
+        bits[np.uint64(LAST_TILE) * STRIDE + k] = _tile_of(right, bottom)
+
+
+@kernel
+def _tile_of(x, y):
+    return np.uint32(np.int32(x) >> LOG2_TILE | np.int32(y) >> LOG2_TILE << np.int32(16))
 
 
 @kernel
@@ -128,22 +138,21 @@ def _log2(x):
 
 
 @kernel
-def _keep_visible(start, scratch, records, depth_keys, tiles):
-    """Write the record of each splat that covers the centre of a pixel; return how many there are."""
+def _keep_visible(start, scratch, bits, records, depth_keys, tiles):
+    """Write the record of each splat that covers the centre of a pixel; return how many there are.
+
+    Every record is written where the next visible one belongs, so there is nothing to mispredict.
+    """
     kept = np.uint64(start)
-    depth_bits = scratch.view(np.uint32)
-    for j in range(BLOCK):
-        k = np.uint64(j)
-        if scratch[np.uint64(SEEN) * STRIDE + k] == np.float32(0.0):
-            continue
-        row = kept * np.uint64(col.LENGTH)
-        for column in range(SEEN):
-            records[row + np.uint64(column)] = scratch[np.uint64(column) * STRIDE + k]
-        depth_keys[kept] = depth_bits[np.uint64(col.DEPTH) * STRIDE + k] >> np.uint32(DEPTH_BITS_IGNORED)
-        left = np.uint64(scratch[np.uint64(LEFT) * STRIDE + k]) >> LOG2_TILE
-        top = np.uint64(scratch[np.uint64(TOP) * STRIDE + k]) >> LOG2_TILE
-        right = np.uint64(scratch[np.uint64(RIGHT) * STRIDE + k]) >> LOG2_TILE
-        bottom = np.uint64(scratch[np.uint64(BOTTOM) * STRIDE + k]) >> LOG2_TILE
-        tiles[kept] = left | top << np.uint64(16) | right << np.uint64(32) | bottom << np.uint64(48)
-        kept += np.uint64(1)
+    for first in range(0, BLOCK, 8):
+        for half in range(0, col.LENGTH, 8):
+            store_transposed(scratch, ROWS_BY_SPLAT + half, col.LENGTH, scratch, half * BLOCK + first, BLOCK)
+        for lane in range(8):
+            k, row = np.uint64(first + lane), np.int64(kept) * col.LENGTH
+            store(records, row, load(scratch, ROWS_BY_SPLAT + lane * col.LENGTH))
+            store(records, row + 8, load(scratch, ROWS_BY_SPLAT + lane * col.LENGTH + 8))
+            depth_keys[kept] = bits[np.uint64(col.DEPTH) * STRIDE + k] >> np.uint32(DEPTH_BITS_IGNORED)
+            tiles[np.uint64(2) * kept] = bits[np.uint64(FIRST_TILE) * STRIDE + k]
+            tiles[np.uint64(2) * kept + np.uint64(1)] = bits[np.uint64(LAST_TILE) * STRIDE + k]
+            kept += np.uint64(bits[np.uint64(SEEN) * STRIDE + k] != 0)
     return np.int32(kept - np.uint64(start))

@@ -9,20 +9,16 @@ from __future__ import annotations
 import numpy as np
 
 from tsplat._jit import kernel
-from tsplat._lanes import prefetch
 from tsplat._threads import meet
 from tsplat.raster.frame import BUCKETS, LOW_BITS
 from tsplat.raster.prepare import BLOCK
 
 LOW_BUCKETS = 1 << LOW_BITS
 
-AHEAD = 16
-"""Pairs between asking for a record's tiles and using them."""
-
 
 @kernel
 def sort(worker, frame):
-    """Fill ``order``, the records by depth, and ``sorted_tiles``, the tiles of each in this order."""
+    """Fill ``order``, the records by depth."""
     counts, cursors = frame.sort_counts[worker], frame.sort_cursors[worker]
     first, end = _blocks_of(worker, frame.workers, frame.visible)
     _count_low(first, end, frame.depth_keys, frame.visible, counts)
@@ -37,7 +33,7 @@ def sort(worker, frame):
     if not meet(frame.team, frame.workers):
         return False
     scan(worker, frame.sort_counts, BUCKETS, cursors)
-    _scatter_high(first, end, frame.pairs, frame.tiles, cursors, frame.order, frame.sorted_tiles)
+    _scatter_high(first, end, frame.pairs, cursors, frame.order)
     return meet(frame.team, frame.workers)
 
 
@@ -102,12 +98,8 @@ def _count_high(first, end, pairs, counts):
 
 
 @kernel
-def _scatter_high(first, end, pairs, tiles, cursors, order, sorted_tiles):
+def _scatter_high(first, end, pairs, cursors, order):
     for i in range(first, end):
-        prefetch(tiles, np.int64(pairs[np.uint64(i + AHEAD)] & np.uint64(0xFFFFFFFF)))
-        pair = pairs[np.uint64(i)]
-        record, bucket = pair & np.uint64(0xFFFFFFFF), pair >> np.uint64(32)
-        at = np.uint64(cursors[bucket])
-        order[at] = record
-        sorted_tiles[at] = tiles[record]
+        bucket = pairs[np.uint64(i)] >> np.uint64(32)
+        order[np.uint64(cursors[bucket])] = pairs[np.uint64(i)] & np.uint64(0xFFFFFFFF)
         cursors[bucket] += 1
