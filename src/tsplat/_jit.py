@@ -77,14 +77,14 @@ def kernel(function: Function) -> Function:
 
 
 def part(function: Function) -> Function:
-    """Let kernels call a function; called from Python it is plain Python.
+    """Let kernels call a function, which allocates no arrays; called from Python it is plain Python.
 
-    It has a third less to compile than a `kernel`: nothing that takes Python's objects apart, nothing to
-    keep on disk. To call it compiled, as a test may want to, make it a kernel as well: ``kernel(function)``.
+    It has less to compile than a `kernel`: nothing that takes Python's objects apart, counts references or
+    keeps the result on disk. A test that wants it compiled makes it a kernel as well: ``kernel(function)``.
     """
     if JIT:
         _watch.known.add(function)
-    registered: Function = register_jitable(**OPTIONS)(function)
+    registered: Function = register_jitable(**OPTIONS, _nrt=False)(function)
     return registered
 
 
