@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from tsplat import _lanes as lanes
-from tsplat._jit import claim, kernel
+from tsplat._jit import kernel
 
 Eight = np.ndarray
 eight = hnp.arrays(np.float32, 8, elements=st.floats(-100, 100, width=32))
@@ -26,8 +26,10 @@ def _arithmetic(x, y, out):  # type: ignore[no-untyped-def]
     lanes.store(out, 48, lanes.where_at_least(a, b, lanes.splat(np.float32(7.0))))
     lanes.store(out, 56, lanes.where_above(a, b, a * b, b))
     lanes.store(out, 64, lanes.minus_abs(a))
+    lanes.store(out, 72, a / lanes.splat(np.float32(4.0)))
+    lanes.store(out, 80, lanes.floor(a))
+    lanes.store(out, 88, lanes.sqrt(a * a))
     lanes.prefetch(x, 0)
-    return lanes.largest(a)
 
 
 @kernel
@@ -37,18 +39,22 @@ def _power(x, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _take(counter):  # type: ignore[no-untyped-def]
-    return claim(counter)
+def _move(x, halves, rows, pixels, transposed):  # type: ignore[no-untyped-def]
+    lanes.store_half(halves, 0, lanes.load(x, 0))
+    lanes.store(x, 64, lanes.load_half(halves, 0))
+    lanes.store_rows(rows, 1, 9, lanes.load(x, 0))
+    lanes.store_rows_rgb(pixels, 0, 12, lanes.load(x, 0), lanes.load(x, 8), lanes.load(x, 16))
+    lanes.store_transposed(transposed, 0, 10, x, 0, 8)
 
 
 @given(x=eight, y=eight)
 @settings(max_examples=50, deadline=None)
 def test_lanes_do_what_their_names_say(x: Eight, y: Eight) -> None:
-    out = np.zeros(72, np.float32)
-    assert _arithmetic(x, y, out) == x.max()
+    out = np.zeros(96, np.float32)
+    _arithmetic(x, y, out)
     exact = x.astype(np.float64) * y
     expected = [x + y, x - y, exact, exact + 3, np.minimum(x, y), np.maximum(x, y), np.where(x >= y, 7, 0)]
-    expected += [np.where(x > y, exact, y), -np.abs(x)]
+    expected += [np.where(x > y, exact, y), -np.abs(x), x / 4, np.floor(x), np.abs(x)]
     np.testing.assert_allclose(out, np.concatenate(expected), rtol=1e-5, atol=1e-5)
 
 
@@ -59,6 +65,14 @@ def test_exp2_is_within_its_error() -> None:
     np.testing.assert_allclose(out, np.exp2(x.astype(np.float64)), rtol=1e-4)
 
 
-def test_claims_are_counted_from_zero() -> None:
-    counter = np.zeros(1, np.int64)
-    assert [_take(counter) for _ in range(3)] == [0, 1, 2]
+def test_values_move_where_the_names_say() -> None:
+    x = np.linspace(-3, 60, 72, dtype=np.float32)
+    given = x[:64].reshape(8, 8).copy()
+    halves = np.zeros(8, np.uint16)
+    rows, pixels, transposed = (np.zeros(length, np.float32) for length in (14, 24, 80))
+    _move(x, halves, rows, pixels, transposed)
+    np.testing.assert_array_equal(halves.view(np.float16), given[0].astype(np.float16))
+    np.testing.assert_array_equal(x[64:], given[0].astype(np.float16).astype(np.float32))
+    np.testing.assert_array_equal(rows, [0, *given[0, :4], 0, 0, 0, 0, *given[0, 4:], 0])
+    np.testing.assert_array_equal(pixels.reshape(8, 3), given[:3].T)
+    np.testing.assert_array_equal(transposed.reshape(8, 10)[:, :8], given.T)

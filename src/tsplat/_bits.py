@@ -110,4 +110,6 @@ def spans(ends: Any) -> Any:
     and -1 mean none.
     """
     last, first = ends[:4], -ends[4:]
-    return sum(1 << 4 * row + column for row in range(4) for column in range(4) if first[row] <= column <= last[row])
+    return sum(
+        1 << 4 * row + column for row in range(4) for column in range(4) if first[row] <= column <= last[row]
+    )

@@ -7,8 +7,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple, TypeVar
 
 import numba
-from llvmlite import ir
-from numba.core import event, types
+from numba.core import event
 from numba.extending import intrinsic, register_jitable
 
 from tsplat._kernel_cache import keep_compiled
@@ -91,21 +90,3 @@ def part(function: Function) -> Function:
 def device(function: Callable[..., Any]) -> Any:
     """Make a word for kernels out of LLVM instructions; see `numba.extending.intrinsic`."""
     return intrinsic(function)
-
-
-@device
-def _atomic_claim(typingctx: Any, counter: Any) -> Any:
-    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        pointer = context.make_array(signature.args[0])(context, builder, args[0]).data
-        return builder.atomic_rmw("add", pointer, ir.Constant(ir.IntType(64), 1), "monotonic")
-
-    return types.int64(counter), codegen
-
-
-def _plain_claim(counter: Any) -> int:
-    counter[0] += 1
-    return int(counter[0]) - 1
-
-
-claim: Any = _atomic_claim if JIT else _plain_claim
-"""``claim(counter)`` takes the next number of a shared int64 [1] array; no two threads get the same."""

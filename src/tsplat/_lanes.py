@@ -216,7 +216,9 @@ def _store_half(typingctx: Any, array: Any, offset: Any, value: Any) -> Any:
 @device
 def _store_rows(typingctx: Any, array: Any, upper: Any, lower: Any, value: Any) -> Any:
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        _store_two_rows(context, builder, sig.args[0], args[:3], args[3], ir.Constant(_VECTOR, ir.Undefined), range(8))
+        _store_two_rows(
+            context, builder, sig.args[0], args[:3], args[3], ir.Constant(_VECTOR, ir.Undefined), range(8)
+        )
         return context.get_dummy_value()
 
     return types.void(array, types.int64, types.int64, float8), codegen
@@ -237,7 +239,9 @@ def _store_rows_rgb(typingctx: Any, array: Any, upper: Any, lower: Any, red: Any
 
 
 @device
-def _store_transposed(typingctx: Any, target: Any, at: Any, stride: Any, source: Any, start: Any, distance: Any) -> Any:
+def _store_transposed(
+    typingctx: Any, target: Any, at: Any, stride: Any, source: Any, start: Any, distance: Any
+) -> Any:
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         target, at, stride, source, start, distance = args
         columns = []

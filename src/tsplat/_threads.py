@@ -17,7 +17,7 @@ import numpy.typing as npt
 from llvmlite import ir
 from numba.core import cgutils, types
 
-from tsplat._jit import JIT, device, kernel
+from tsplat._jit import JIT, device, part
 
 ARRIVED, ROUND, ABANDONED, FIRST_FREE = 0, 8, 16, 24
 """Places in a team's array; a kernel may use FIRST_FREE and every eighth after it for counters of its own."""
@@ -95,7 +95,7 @@ clear: Any = _clear if JIT else _plain_clear
 give_way: Any = _give_way if JIT else lambda: time.sleep(0)
 
 
-@kernel
+@part
 def meet(team, workers):  # type: ignore[no-untyped-def]
     """Wait until all workers are here; return False when the team was abandoned and none will come."""
     before = look(team, ROUND)

@@ -2,32 +2,79 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
+import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.raster.compare import front_camera
 from tests.scenes import random_gaussians
+from tsplat._jit import JIT, kernel
+from tsplat.camera import Camera
 from tsplat.raster import record, reference
 from tsplat.raster.bin import bin_tiles
-from tsplat.raster.composite import TILE
-from tsplat.raster.prepare import BLOCK, Prepared, prepared
+from tsplat.raster.cells import CELL, GRID, TILE, cells_touched
+from tsplat.raster.frame import Frame, new_frame
+from tsplat.raster.prepare import BLOCK, prepared
 from tsplat.raster.project import project
-from tsplat.raster.sh import color_visible
-from tsplat.raster.sort import MAX_BUCKETS, into_buckets, sort_bucket
-from tsplat.rendering import DEPTH_BITS_IGNORED, RenderOptions
+from tsplat.raster.sort import sort
+from tsplat.raster.workers import on_threads
+from tsplat.rendering import RenderOptions
+from tsplat.scene import Gaussians
+
+MANY = 700 if JIT else 90
+PROJECT, SORT, BIN_TILES = kernel(project), kernel(sort), kernel(bin_tiles)
 
 
-def visible_rows(scene: Prepared) -> np.ndarray:
-    """Return the row of every record that the last frame wrote."""
-    return np.concatenate([np.arange(n) + block * BLOCK for block, n in enumerate(scene.visible)])
+@kernel
+def _cells(records, at, left, top):  # type: ignore[no-untyped-def]
+    return cells_touched(records, at, left, top)
+
+
+def after(
+    stages: list[Callable[..., Any]],
+    gaussians: Gaussians,
+    camera: Camera,
+    options: RenderOptions,
+    pairs: int = 20_000,
+) -> tuple[Frame, npt.NDArray[np.intp]]:
+    """Return a frame after these stages, and the places of its records in the order of the file."""
+    scene = prepared(gaussians, options.worker_count)
+    frame = new_frame(scene, camera, options, pairs)
+    for stage in stages:
+        on_threads(options.worker_count, frame.team, stage, frame)
+    return frame, np.concatenate([np.arange(n) + block * BLOCK for block, n in enumerate(scene.visible)])
+
+
+def records_of(frame: Frame) -> npt.NDArray[np.float32]:
+    return frame.records.reshape(-1, record.LENGTH)
+
+
+def projected(
+    gaussians: Gaussians, camera: Camera, options: RenderOptions
+) -> tuple[npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any]]:
+    """Return what the reference makes of every splat: 2D means, depths, conics, opacities."""
+    covars = reference.covariances(gaussians.quats, gaussians.scales)
+    means2d, depths, covars2d = reference.project(gaussians.means, covars, camera)
+    return means2d, depths, *reference.dilate(covars2d, gaussians.opacities, camera, options)
+
+
+def splats_of(records: npt.NDArray[np.float32], means2d: npt.NDArray[Any]) -> npt.NDArray[np.intp]:
+    """Return which splat each record is, by its centre."""
+    apart = np.linalg.norm(records[:, None, [record.X, record.Y]] + 0.5 - means2d[None], axis=2)
+    nearest: npt.NDArray[np.intp] = apart.argmin(1)
+    return nearest
 
 
 def test_prepared_covariances_are_those_of_the_reference() -> None:
     gaussians = random_gaussians(np.random.default_rng(0), 700)
     upper = reference.covariances(gaussians.quats, gaussians.scales)[:, *np.triu_indices(3)]
-    np.testing.assert_allclose(prepared(gaussians, 2).covars.T, upper, atol=1e-7)
+    covars = prepared(gaussians, 2).covars.reshape(6, -1)[:, :700]
+    np.testing.assert_allclose(covars.T, upper, atol=1e-7)
 
 
 def test_a_scene_is_prepared_once_and_forgotten_with_it() -> None:
@@ -36,17 +83,14 @@ def test_a_scene_is_prepared_once_and_forgotten_with_it() -> None:
     assert prepared(gaussians.take(range(5)), 1) is not prepared(gaussians, 1)
 
 
-def test_projected_records_are_those_of_the_reference() -> None:
-    gaussians, camera, options = random_gaussians(np.random.default_rng(1), 700), front_camera(), RenderOptions()
-    scene = prepared(gaussians, 1)
-    count = project(scene, camera, options, TILE)
-    rows = visible_rows(scene)
-    assert count == len(rows) > 300
-    ids, records = scene.ids[rows], scene.records[rows]
-    means2d, depths, covars2d = reference.project(
-        gaussians.means, reference.covariances(gaussians.quats, gaussians.scales), camera
-    )
-    conics, opacities = reference.dilate(covars2d, gaussians.opacities, camera, options)
+def test_projected_records_are_those_of_the_reference_in_the_order_of_the_file() -> None:
+    gaussians, camera, options = random_gaussians(np.random.default_rng(1), MANY), front_camera(), RenderOptions()
+    frame, rows = after([PROJECT], gaussians, camera, options)
+    means2d, depths, conics, opacities = projected(gaussians, camera, options)
+    records = records_of(frame)[rows]
+    ids = splats_of(records, means2d)
+    assert len(ids) > MANY // 3
+    assert (np.diff(ids) > 0).all()
     np.testing.assert_allclose(records[:, [record.X, record.Y]] + 0.5, means2d[ids], atol=1e-4)
     np.testing.assert_allclose(records[:, record.DEPTH], depths[ids], rtol=1e-6)
     np.testing.assert_allclose(2.0 ** records[:, record.LOG2_OPACITY], opacities[ids], rtol=1e-4)
@@ -56,74 +100,102 @@ def test_projected_records_are_those_of_the_reference() -> None:
     np.testing.assert_allclose(records[:, record.CONIC_C], folded[:, 1, 1], rtol=2e-4, atol=1e-6)
 
 
-def test_a_record_s_box_holds_every_pixel_its_splat_may_touch() -> None:
-    gaussians, camera, options = random_gaussians(np.random.default_rng(2), 300), front_camera(), RenderOptions()
-    scene = prepared(gaussians, 1)
-    project(scene, camera, options, TILE)
-    rows = visible_rows(scene)
-    ids, boxes = scene.ids[rows], scene.records[rows][:, [record.LEFT, record.TOP, record.RIGHT, record.BOTTOM]]
-    means2d, _, covars2d = reference.project(
-        gaussians.means, reference.covariances(gaussians.quats, gaussians.scales), camera
-    )
-    conics, opacities = reference.dilate(covars2d, gaussians.opacities, camera, options)
+def test_every_pixel_a_splat_may_touch_lies_in_its_tiles_and_cells() -> None:
+    gaussians, camera, options = random_gaussians(np.random.default_rng(2), 200), front_camera(), RenderOptions()
+    frame, rows = after([PROJECT], gaussians, camera, options)
+    means2d, _, conics, opacities = projected(gaussians, camera, options)
+    ids = splats_of(records_of(frame)[rows], means2d)
     ys, xs = np.mgrid[0.5 : camera.height, 0.5 : camera.width]
-    pixels = np.stack([xs.ravel(), ys.ravel()], -1)
-    alphas = reference._alphas(means2d, conics, opacities, pixels, options)
+    alphas = reference._alphas(means2d, conics, opacities, np.stack([xs.ravel(), ys.ravel()], -1), options)
     seen = (alphas > options.alpha_min * 1.001).reshape(-1, camera.height, camera.width)
     assert set(np.flatnonzero(seen.any((1, 2)))) <= set(ids)
-    for splat, (left, top, right, bottom) in zip(ids, boxes.astype(int), strict=True):
-        touched_rows, touched_columns = np.nonzero(seen[splat])
-        if len(touched_rows):
-            assert left <= touched_columns.min() <= touched_columns.max() <= right
-            assert top <= touched_rows.min() <= touched_rows.max() <= bottom
-
-
-@pytest.mark.parametrize("degree", [0, 1, 2, 3])
-def test_colours_are_those_of_the_reference(degree: int) -> None:
-    gaussians, camera = random_gaussians(np.random.default_rng(3), 600), front_camera()
-    options = RenderOptions(sh_degree=degree)
-    scene = prepared(gaussians, 1)
-    project(scene, camera, options, TILE)
-    color_visible(scene, gaussians, camera, options)
-    rows = visible_rows(scene)
-    expected = reference.evaluate_sh(gaussians.sh, gaussians.means - camera.eye, degree)[scene.ids[rows]]
-    np.testing.assert_allclose(scene.records[rows][:, record.RED : record.BLUE + 1], expected, atol=2e-6)
-
-
-@pytest.mark.parametrize("threads", [1, 3])
-def test_every_tile_lists_the_splats_whose_boxes_touch_it_and_no_others(threads: int) -> None:
-    gaussians, camera = random_gaussians(np.random.default_rng(4), 1300), front_camera(70, 50)
-    scene = prepared(gaussians, 1)
-    project(scene, camera, RenderOptions(), TILE)
-    columns, tile_rows = -(-70 // TILE), -(-50 // TILE)
-    isect_offsets = bin_tiles(scene, columns, columns * tile_rows, threads)
-    rows = visible_rows(scene)
-    left, top, right, bottom = scene.tiles[rows].astype(int).T
-    for tile in range(columns * tile_rows):
-        y, x = divmod(tile, columns)
-        expected = rows[(left <= x) & (x <= right) & (top <= y) & (y <= bottom)]
-        keys = scene.isect_keys[isect_offsets[tile] : isect_offsets[tile + 1]]
-        assert sorted(keys & np.uint64(0xFFFFFFFF)) == sorted(expected)
-        depths = (keys >> np.uint64(32) << np.uint64(DEPTH_BITS_IGNORED)).astype(np.uint32).view(np.float32)
-        np.testing.assert_allclose(
-            depths, scene.records[(keys & np.uint64(0xFFFFFFFF)).astype(int), record.DEPTH], rtol=2e-5
-        )
+    tiles = frame.tiles.reshape(-1, 2)
+    for row, splat in zip(rows, ids, strict=True):
+        (left, right), (top, bottom) = tiles[row] & 0xFFFF, tiles[row] >> 16
+        for y, x in zip(*np.nonzero(seen[splat]), strict=True):
+            assert left <= x // TILE <= right
+            assert top <= y // TILE <= bottom
+            corner = x // TILE * TILE, y // TILE * TILE
+            cell = (y - corner[1]) // CELL * GRID + (x - corner[0]) // CELL
+            touched = _cells(frame.records, row * record.LENGTH, np.float32(corner[0]), np.float32(corner[1]))
+            assert touched >> int(cell) & 1
 
 
 @given(
-    keys=st.lists(
-        st.integers(0, 2**63 - 1) | st.integers(2**60, 2**60 + 300), min_size=1, max_size=200, unique=True
-    ),
-    extra=st.integers(0, 5),
+    covariance=st.tuples(st.floats(0.3, 400), st.floats(0.3, 400), st.floats(-0.99, 0.99)),
+    x=st.floats(-30, 46),
+    y=st.floats(-30, 46),
+    radius=st.floats(0.3, 3.3),
 )
-@settings(max_examples=100, deadline=None)
-def test_buckets_one_after_the_other_are_the_sorted_keys(keys: list[int], extra: int) -> None:
-    everything = np.array([7] * extra + keys, np.uint64)
-    found, bucket_ends = np.zeros(len(keys), np.uint64), np.zeros(MAX_BUCKETS + 1, np.int64)
-    buckets = into_buckets(everything, extra, len(everything), found, bucket_ends)
-    first = 0
-    for end in bucket_ends[:buckets]:
-        sort_bucket(found, first, end)
-        first = end
-    assert first == len(keys)
-    np.testing.assert_array_equal(found, np.sort(np.array(keys, np.uint64)))
+@settings(max_examples=300 if JIT else 50, deadline=None)
+def test_cells_are_touched_exactly_where_the_ellipse_reaches_a_column_of_pixels(
+    covariance: tuple[float, float, float], x: float, y: float, radius: float
+) -> None:
+    xx, yy, correlation = covariance
+    xy = correlation * np.sqrt(xx * yy)
+    variance = xx - xy * xy / yy
+    one = np.zeros(record.LENGTH, np.float32)
+    one[[record.X, record.Y, record.SLOPE]] = x, y, xy / yy
+    one[record.HALF_WIDTH2], one[record.NARROWING] = variance * radius**2, variance / yy
+    one[record.RIGHTMOST] = xy * radius / np.sqrt(xx)
+    found = _cells(one, 0, np.float32(0), np.float32(0))
+    for row in range(GRID):
+        heights = np.linspace(row * CELL, row * CELL + CELL - 1, 3001) - y
+        half2 = variance * radius**2 - variance / yy * heights**2
+        if half2.max() < 0:
+            assert found >> (4 * row) & 15 == 0 or half2.max() > -0.05
+            continue
+        middle, half = x + xy / yy * heights[half2 >= 0], np.sqrt(half2[half2 >= 0])
+        left, right = (middle - half).min(), (middle + half).max()
+        for column in range(GRID):
+            # Its pixels' centres, and as far as rounding and the steps above may be wrong.
+            slack, first, last = 0.02 + 0.02 * np.sqrt(xx), column * CELL, column * CELL + CELL - 1
+            touched = bool(found >> (4 * row + column) & 1)
+            assert touched or not (left + slack < last and first < right - slack and left + slack < right - slack)
+            assert not touched or (left - slack <= last and first <= right + slack)
+
+
+@pytest.mark.parametrize("degree", [0, 1, 2, 3])
+def test_colours_are_those_of_the_reference_to_half_precision(degree: int) -> None:
+    gaussians, camera = random_gaussians(np.random.default_rng(3), MANY), front_camera()
+    options = RenderOptions(sh_degree=degree)
+    frame, rows = after([PROJECT], gaussians, camera, options)
+    records = records_of(frame)[rows]
+    ids = splats_of(records, projected(gaussians, camera, options)[0])
+    expected = reference.evaluate_sh(gaussians.sh, gaussians.means - camera.eye, degree)[ids]
+    tolerance = 2e-6 if degree == 0 else 1e-3
+    np.testing.assert_allclose(records[:, record.RED : record.BLUE + 1], expected, atol=tolerance)
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_records_are_sorted_by_depth_and_equal_depths_keep_their_order(threads: int) -> None:
+    gaussians, camera = random_gaussians(np.random.default_rng(4), 2 * MANY), front_camera(70, 50)
+    doubled = gaussians.take(np.repeat(np.arange(2 * MANY), 2))
+    frame, rows = after([PROJECT, SORT], doubled, camera, RenderOptions(threads=threads))
+    order = frame.order[: len(rows)]
+    np.testing.assert_array_equal(order, rows[np.argsort(frame.depth_keys[rows], kind="stable")])
+    depths = records_of(frame)[order, record.DEPTH]
+    assert (depths[1:] >= depths[:-1] * (1 - 2e-5)).all()
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_every_tile_lists_the_splats_whose_boxes_touch_it_by_depth_and_no_others(threads: int) -> None:
+    gaussians, camera = random_gaussians(np.random.default_rng(5), 2 * MANY), front_camera(70, 50)
+    frame, rows = after([PROJECT, SORT, BIN_TILES], gaussians, camera, RenderOptions(threads=threads))
+    order = frame.order[: len(rows)]
+    first, last = frame.tiles.reshape(-1, 2)[order].T
+    ends = frame.tile_cursors[threads - 1]
+    for tile, start in enumerate([0, *ends[:-1]]):
+        y, x = divmod(tile, frame.tile_columns)
+        beside = ((first & 0xFFFF) <= x) & (x <= (last & 0xFFFF))
+        expected = order[beside & ((first >> 16) <= y) & (y <= (last >> 16))]
+        np.testing.assert_array_equal(frame.isect_ids[start : ends[tile]], expected)
+
+
+def test_too_little_room_for_pairs_is_noticed_before_anything_is_written() -> None:
+    gaussians, camera = random_gaussians(np.random.default_rng(6), MANY), front_camera(70, 50)
+    options = RenderOptions(threads=1)
+    frame, _ = after([PROJECT, SORT], gaussians, camera, options)
+    short = frame._replace(isect_ids=np.full(10, -1, np.int32))
+    assert BIN_TILES(0, short) == BIN_TILES(0, frame) > 10
+    assert (short.isect_ids == -1).all()

@@ -1,15 +1,15 @@
-"""Stage 3: which splats touch which tile: count, scan, scatter, in order of depth, so each tile's list is sorted."""
+"""Stage 3: which splats touch which tile: count, scan, scatter, by depth, so that each tile's list is sorted."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from tsplat._jit import kernel
+from tsplat._jit import part
 from tsplat._threads import meet
 from tsplat.raster.sort import scan, stretch
 
 
-@kernel
+@part
 def bin_tiles(worker, frame):
     """Fill ``isect_ids``, the records of each tile by depth; a tile's end where the last worker's cursor does.
 
@@ -31,14 +31,14 @@ def bin_tiles(worker, frame):
     return pairs if meet(frame.team, frame.workers) else -1
 
 
-@kernel
+@part
 def _gather_tiles(first, end, order, tiles, sorted_tiles):
     # A loop of its own: with nothing else to wait for, many of these far loads are under way at once.
     for i in range(first, end):
         sorted_tiles[np.uint64(i)] = tiles[np.uint64(order[np.uint64(i)])]
 
 
-@kernel
+@part
 def _count(first, end, tile_columns, sorted_tiles, counts):
     counts[:] = 0
     for i in range(first, end):
@@ -58,7 +58,7 @@ def _count(first, end, tile_columns, sorted_tiles, counts):
                 counts[np.uint64(tile)] += 1
 
 
-@kernel
+@part
 def _scatter(first, end, tile_columns, order, sorted_tiles, cursors, isect_ids):
     for i in range(first, end):
         record = order[np.uint64(i)]
@@ -70,7 +70,7 @@ def _scatter(first, end, tile_columns, order, sorted_tiles, cursors, isect_ids):
                 cursors[t] += 1
 
 
-@kernel
+@part
 def _corners(tiles):
     """Unpack the first and last tile column and row: left, top, right, bottom."""
     ones = np.uint64(0xFFFF)

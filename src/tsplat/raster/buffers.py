@@ -43,12 +43,12 @@ class Buffers:
     def image(self, *shape: int) -> F32:
         """Return an image of unspecified content that nobody else holds."""
         size = math.prod(shape)
-        for place, pixels in enumerate(self._images):
-            # The list, the loop and the question itself hold an image that is free; every view holds it once more.
-            if sys.getrefcount(pixels) == 3:
-                if len(pixels) < size:
-                    pixels = self._images[place] = np.empty(size, np.float32)
-                return pixels[:size].reshape(shape)
+        for place in range(len(self._images)):
+            # The list and the question itself hold an image that is free; every view of it holds it once more.
+            if sys.getrefcount(self._images[place]) == 2:
+                if len(self._images[place]) < size:
+                    self._images[place] = np.empty(size, np.float32)
+                return self._images[place][:size].reshape(shape)
         pixels = np.empty(size, np.float32)
         if len(self._images) < IMAGES_KEPT:
             self._images.append(pixels)

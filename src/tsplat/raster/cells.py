@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from tsplat._bits import spans
-from tsplat._jit import kernel
+from tsplat._jit import part
 from tsplat._lanes import floor, fma, load, maximum, minimum, splat, sqrt, where_above
 from tsplat.raster import record as col
 
@@ -33,9 +33,9 @@ MARGIN = 1e-3
 """Pixels added to either end, more than rounding can take away."""
 
 
-@kernel
+@part
 def cells_touched(records, at, left, top):
-    """Return the cells, member ``4 * row + column``, of the tile at (left, top) that the record at ``at`` touches."""
+    """Return which cells of the tile at (left, top) a record touches, member ``4 * row + column``."""
     rightmost, side, zero = splat(records[at + col.RIGHTMOST]), load(SIDE, 0), splat(np.float32(0.0))
     low = load(ROW_TOP, 0) - splat(records[at + col.Y] - top)
     high = low + splat(np.float32(CELL - 1))

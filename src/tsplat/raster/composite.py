@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from tsplat._bits import BATCH, count, having, lanes_at_least, lowest
-from tsplat._jit import kernel
+from tsplat._jit import part
 from tsplat._lanes import (
     exp2,
     fma,
@@ -45,7 +45,7 @@ AHEAD = 16
 """Records asked for before they are used: about what the first-level cache can wait for at once."""
 
 
-@kernel
+@part
 def composite(worker, frame):
     """Draw tiles until none is left; tiles own disjoint pixels, so workers never meet before the end."""
     tile, batch = frame.scratch[worker, :TILE_SIZE], frame.scratch[worker, TILE_SIZE:]
@@ -75,7 +75,7 @@ def composite(worker, frame):
         write(tile, left, top, frame.background, frame.colors, frame.alphas, depths)
 
 
-@kernel
+@part
 def _fill_batch(isect_ids, next_, end, records, left, top, live, batch, touched):
     """Copy the records of the next splats that touch a live cell, with these cells; return which comes after."""
     x, y = np.float32(left), np.float32(top)
@@ -93,7 +93,7 @@ def _fill_batch(isect_ids, next_, end, records, left, top, live, batch, touched)
     return next_
 
 
-@kernel
+@part
 def blend_cell(tile, at, left, top, batch, splats, depths):
     """Blend members of a batch into the cell at ``at``; return whether all its pixels are finished.
 
@@ -122,7 +122,7 @@ def blend_cell(tile, at, left, top, batch, splats, depths):
     return lanes_at_least(most, splat(np.float32(0.0))) == 0
 
 
-@kernel
+@part
 def _alphas(batch, member, x, y):
     """Return the alphas of a member of the batch in the upper and the lower eight pixels of a cell."""
     dx, dy = _value(batch, member + col.X) - x, _value(batch, member + col.Y) - y
@@ -138,12 +138,12 @@ def _alphas(batch, member, x, y):
     )
 
 
-@kernel
+@part
 def _value(batch, at):
     return splat(batch[np.uint64(at)])
 
 
-@kernel
+@part
 def _absorb_three(tile, at, alpha1, alpha2, alpha3):
     """Take the light that three splats absorb, one behind the other; return the weights of their colours."""
     light = load(tile, at)
@@ -154,7 +154,7 @@ def _absorb_three(tile, at, alpha1, alpha2, alpha3):
     return weight1, weight2, weight3
 
 
-@kernel
+@part
 def _absorb(light, alpha):
     """Return the light behind a splat, and the weight of its colour.
 
@@ -167,7 +167,7 @@ def _absorb(light, alpha):
     return where_above(left_over, least, left_over, minus_abs(light)), weight
 
 
-@kernel
+@part
 def _add_three(tile, at, upper, lower, batch, first, second, third, column):
     """Add a column of three members, by weight, to a channel of a cell."""
     value1, value2 = _value(batch, first + column), _value(batch, second + column)

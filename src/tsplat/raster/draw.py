@@ -1,8 +1,8 @@
-"""All stages of a frame as one kernel: the workers go from stage to stage together without going back to Python."""
+"""All stages of a frame as one kernel: the workers go from stage to stage together, without Python in between."""
 
 from __future__ import annotations
 
-from tsplat._jit import kernel
+from tsplat._jit import kernel, part
 from tsplat._threads import nanoseconds
 from tsplat.raster.bin import bin_tiles
 from tsplat.raster.composite import composite
@@ -31,7 +31,7 @@ def draw(worker, frame):
     return pairs
 
 
-@kernel
+@part
 def _stamp(worker, frame, stage):
     if worker == 0:
         frame.stamps[stage] = nanoseconds()

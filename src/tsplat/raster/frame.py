@@ -11,7 +11,6 @@ import numpy.typing as npt
 from tsplat import _threads
 from tsplat._bits import BATCH
 from tsplat.camera import Camera
-from tsplat.raster import record
 from tsplat.raster.cells import TILE
 from tsplat.raster.prepare import BLOCK, Prepared
 from tsplat.rendering import DEPTH_BITS_IGNORED, JACOBIAN_LIMIT, RenderOptions

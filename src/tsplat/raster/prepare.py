@@ -15,7 +15,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import numpy.typing as npt
 
-from tsplat._jit import kernel
+from tsplat._jit import kernel, part
 from tsplat._lanes import load, maximum, minimum, splat, store_half
 from tsplat._threads import FIRST_FREE, claim, new_team
 from tsplat.raster import record
@@ -167,7 +167,7 @@ def _prepare_blocks(worker, job):
         _pack_harmonics(start, n, job.sh, eight, job.sh_rest)
 
 
-@kernel
+@part
 def _prepare_splat(i, padded, job):
     one, two, half = np.float32(1), np.float32(2), np.float32(0.5)
     for axis in range(3):
@@ -187,7 +187,7 @@ def _prepare_splat(i, padded, job):
     job.covars[5 * padded + i] = zx * zx + zy * zy + zz * zz
 
 
-@kernel
+@part
 def _pack_harmonics(start, n, sh, eight, sh_rest):
     """Store the harmonics of a block, eight splats side by side."""
     coefficients = sh.shape[1] - 1
@@ -198,6 +198,8 @@ def _pack_harmonics(start, n, sh, eight, sh_rest):
                 for lane in range(8):
                     i = min(first + lane, n - 1)
                     eight[lane] = sh[i, coefficient + 1, channel]
-                bounded = maximum(minimum(load(eight, 0), splat(np.float32(HALF_MAX))), splat(np.float32(-HALF_MAX)))
+                bounded = maximum(
+                    minimum(load(eight, 0), splat(np.float32(HALF_MAX))), splat(np.float32(-HALF_MAX))
+                )
                 store_half(sh_rest, at, bounded)
                 at += 8

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from tsplat._bits import lanes_at_least
-from tsplat._jit import kernel
+from tsplat._jit import part
 from tsplat._lanes import load, splat, store, store_transposed
 from tsplat._threads import claim, meet
 from tsplat.raster import record as col
@@ -35,7 +35,7 @@ ROWS_BY_SPLAT = 18 * BLOCK
 LOG2_TILE = np.int32(int(math.log2(TILE)))
 
 
-@kernel
+@part
 def project(worker, frame):
     """Fill ``records``, ``depth_keys``, ``tiles`` and ``visible``, block by block."""
     scratch = frame.scratch[worker]
@@ -58,7 +58,7 @@ def project(worker, frame):
         frame.visible[block] = _keep_visible(start, scratch, bits, frame.records, frame.depth_keys, frame.tiles)
 
 
-@kernel
+@part
 def _project_block(start, numbers, means, covars, log2_opacities, base_colors, scratch, bits):
     """Branch-free and over plain arrays, so that LLVM makes vectors of it."""
     r00, r01, r02, tx, r10, r11, r12, ty, r20, r21, r22, tz = numbers[:12]
@@ -119,12 +119,12 @@ def _project_block(start, numbers, means, covars, log2_opacities, base_colors, s
         bits[np.uint64(LAST_TILE) * STRIDE + k] = _tile_of(right, bottom)
 
 
-@kernel
+@part
 def _tile_of(x, y):
     return np.uint32(np.int32(x) >> LOG2_TILE | np.int32(y) >> LOG2_TILE << np.int32(16))
 
 
-@kernel
+@part
 def _log2(x):
     """Base-2 logarithm to 2e-6 for normal positive x: atanh series about 1, the exponent from the bits."""
     bits = np.float32(x).view(np.int32)
@@ -137,7 +137,7 @@ def _log2(x):
     return np.float32(exponent) + s * series
 
 
-@kernel
+@part
 def _keep_visible(start, scratch, bits, records, depth_keys, tiles):
     """Write the record of each splat that covers the centre of a pixel; return how many there are.
 

@@ -4,7 +4,7 @@
 LOG2_CUT; dx and dy count from X and Y, which count from the centre of the first pixel.
 
 At the height dy, what is drawn reaches from ``SLOPE dy - h`` to ``SLOPE dy + h`` beside X, where
-``h^2 = HALF_WIDTH2 - NARROWING dy^2``. It reaches farthest right at dy = RIGHTMOST and farthest left at -RIGHTMOST.
+``h^2 = HALF_WIDTH2 - NARROWING dy^2``; farthest right at dy = RIGHTMOST, farthest left at -RIGHTMOST.
 """
 
 LENGTH = 16

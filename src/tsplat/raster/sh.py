@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tsplat._jit import kernel
+from tsplat._jit import part
 from tsplat._lanes import fma, load, load_half, maximum, splat, sqrt, store
 from tsplat.raster.prepare import BLOCK
 
@@ -16,9 +16,9 @@ C2 = (1.0925484305920792, 0.31539156525252005, 0.5462742152960396)
 C3 = (0.5900435899266435, 2.890611442640554, 0.4570457994644658, 0.3731763325901154, 1.445305721320277)
 
 
-@kernel
+@part
 def color_eight(first, wanted, stored, eye, means, base_colors, sh_rest, out, at):
-    """Write the colours of the eight splats from ``first`` on: red at ``out[at]``, green and blue BLOCK further each.
+    """Write the colours of eight splats from ``first`` on: red to ``out[at]``, green and blue each a BLOCK on.
 
     ``wanted`` of the ``stored`` coefficients above the constant one are used: 3, 8 or 15.
     """
@@ -43,7 +43,7 @@ def color_eight(first, wanted, stored, eye, means, base_colors, sh_rest, out, at
         store(out, at + channel * BLOCK, maximum(rgb[channel], zero))
 
 
-@kernel
+@part
 def _add(rgb, basis, sh_rest, at):
     """Add one basis function times its coefficients, eight splats of red, then green, then blue."""
     return (
@@ -53,7 +53,7 @@ def _add(rgb, basis, sh_rest, at):
     )
 
 
-@kernel
+@part
 def _add_degree_2(rgb, x, y, z, sh_rest, at):
     zero, one, three = splat(np.float32(0.0)), splat(np.float32(1.0)), splat(np.float32(3.0))
     outer, middle, last = splat(np.float32(C2[0])), splat(np.float32(C2[1])), splat(np.float32(C2[2]))
@@ -64,7 +64,7 @@ def _add_degree_2(rgb, x, y, z, sh_rest, at):
     return _add(rgb, last * (x * x - y * y), sh_rest, at + 96)
 
 
-@kernel
+@part
 def _add_degree_3(rgb, x, y, z, sh_rest, at):
     zero, one = splat(np.float32(0.0)), splat(np.float32(1.0))
     three, five = splat(np.float32(3.0)), splat(np.float32(5.0))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tsplat._jit import kernel
+from tsplat._jit import part
 from tsplat._threads import meet
 from tsplat.raster.frame import BUCKETS, LOW_BITS
 from tsplat.raster.prepare import BLOCK
@@ -16,7 +16,7 @@ from tsplat.raster.prepare import BLOCK
 LOW_BUCKETS = 1 << LOW_BITS
 
 
-@kernel
+@part
 def sort(worker, frame):
     """Fill ``order``, the records by depth."""
     counts, cursors = frame.sort_counts[worker], frame.sort_cursors[worker]
@@ -37,13 +37,13 @@ def sort(worker, frame):
     return meet(frame.team, frame.workers)
 
 
-@kernel
+@part
 def stretch(worker, workers, total):
     """Return where a worker's part of ``total`` things starts and ends."""
     return total * worker // workers, total * (worker + 1) // workers
 
 
-@kernel
+@part
 def _blocks_of(worker, workers, visible):
     """Return a worker's first block and the one after its last, so that all have about as many records."""
     total = 0
@@ -60,7 +60,7 @@ def _blocks_of(worker, workers, visible):
     return (first, end) if worker > 0 else (0, end)
 
 
-@kernel
+@part
 def scan(worker, counts, buckets, cursors):
     """Write where this worker's part of each bucket starts, after the parts of those before it; return the sum."""
     total = 0
@@ -72,7 +72,7 @@ def scan(worker, counts, buckets, cursors):
     return total
 
 
-@kernel
+@part
 def _count_low(first, end, depth_keys, visible, counts):
     counts[:LOW_BUCKETS] = 0
     for block in range(first, end):
@@ -80,7 +80,7 @@ def _count_low(first, end, depth_keys, visible, counts):
             counts[np.uint64(depth_keys[np.uint64(record)] & np.uint32(LOW_BUCKETS - 1))] += 1
 
 
-@kernel
+@part
 def _scatter_low(first, end, depth_keys, visible, cursors, pairs):
     for block in range(first, end):
         for record in range(block * BLOCK, block * BLOCK + visible[block]):
@@ -90,14 +90,14 @@ def _scatter_low(first, end, depth_keys, visible, cursors, pairs):
             cursors[bucket] += 1
 
 
-@kernel
+@part
 def _count_high(first, end, pairs, counts):
     counts[:] = 0
     for i in range(first, end):
         counts[pairs[np.uint64(i)] >> np.uint64(32)] += 1
 
 
-@kernel
+@part
 def _scatter_high(first, end, pairs, cursors, order):
     for i in range(first, end):
         bucket = pairs[np.uint64(i)] >> np.uint64(32)

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from tsplat._jit import kernel
+from tsplat._jit import part
 from tsplat._lanes import load, maximum, minus_abs, splat, store, store_rows, store_rows_rgb
-from tsplat.raster.cells import CELL, CELLS, GRID, TILE
+from tsplat.raster.cells import CELL, CELLS, GRID
 
 LIGHT, RED, GREEN, BLUE, DEPTH = 0, 16, 32, 48, 64
 """Where the channels of a cell begin, in float32 values. The light of a finished pixel is negative."""
@@ -19,7 +19,7 @@ CELL_SIZE = 80
 TILE_SIZE = CELLS * CELL_SIZE
 
 
-@kernel
+@part
 def clear(tile, width, height):
     """Full light, no colour; pixels outside the image are finished. Return the cells that have others."""
     zero, full = splat(np.float32(0.0)), splat(np.float32(1.0))
@@ -39,7 +39,7 @@ def clear(tile, width, height):
     return live
 
 
-@kernel
+@part
 def write(tile, left, top, background, colors, alphas, depths):
     """Put a tile's pixels into the image, with the background behind them."""
     height, width = alphas.shape
@@ -57,7 +57,7 @@ def write(tile, left, top, background, colors, alphas, depths):
                     _write_pixel(tile, at, row, column, background, colors, alphas, depths)
 
 
-@kernel
+@part
 def _write_rows(tile, at, pixel, width, background, colors, alphas, depths):
     """Write two rows of four pixels, from ``pixel`` and one row below it on."""
     zero, one = splat(np.float32(0.0)), splat(np.float32(1.0))
@@ -73,7 +73,7 @@ def _write_rows(tile, at, pixel, width, background, colors, alphas, depths):
         store_rows(depths.reshape(-1), pixel, pixel + width, depth)
 
 
-@kernel
+@part
 def _write_pixel(tile, at, row, column, background, colors, alphas, depths):
     light = abs(tile[at + LIGHT])
     colors[row, column, 0] = tile[at + RED] + light * background[0]
