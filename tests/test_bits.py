@@ -58,9 +58,11 @@ def four(low: int, high: int) -> st.SearchStrategy[list[int]]:
     return st.lists(st.integers(low, high), min_size=4, max_size=4)
 
 
-@given(last=four(-1, 3), first=four(0, 4))
+@given(last=four(-1, 3), first=four(0, 4), more=st.sampled_from([0.0, 0.25, 0.99]))
 @settings(max_examples=100, deadline=None)
-def test_spans_are_the_cells_from_the_first_to_the_last_of_each_row(last: list[int], first: list[int]) -> None:
-    ends = np.asarray(last + [-column for column in first], np.float32)
+def test_spans_are_the_cells_from_the_first_to_the_last_of_each_row(
+    last: list[int], first: list[int], more: float
+) -> None:
+    ends = np.asarray(last + [-column for column in first], np.float32) + np.float32(more)
     expected = {4 * row + column for row in range(4) for column in range(first[row], last[row] + 1)}
     assert _spans(ends) == sum(1 << cell for cell in expected)

@@ -27,8 +27,7 @@ def _arithmetic(x, y, out):  # type: ignore[no-untyped-def]
     lanes.store(out, 56, lanes.where_above(a, b, a * b, b))
     lanes.store(out, 64, lanes.minus_abs(a))
     lanes.store(out, 72, a / lanes.splat(np.float32(4.0)))
-    lanes.store(out, 80, lanes.floor(a))
-    lanes.store(out, 88, lanes.sqrt(a * a))
+    lanes.store(out, 80, lanes.sqrt(a * a))
     lanes.prefetch(x, 0)
 
 
@@ -50,11 +49,11 @@ def _move(x, halves, rows, pixels, transposed):  # type: ignore[no-untyped-def]
 @given(x=eight, y=eight)
 @settings(max_examples=50, deadline=None)
 def test_lanes_do_what_their_names_say(x: Eight, y: Eight) -> None:
-    out = np.zeros(96, np.float32)
+    out = np.zeros(88, np.float32)
     _arithmetic(x, y, out)
     exact = x.astype(np.float64) * y
     expected = [x + y, x - y, exact, exact + 3, np.minimum(x, y), np.maximum(x, y), np.where(x >= y, 7, 0)]
-    expected += [np.where(x > y, exact, y), -np.abs(x), x / 4, np.floor(x), np.abs(x)]
+    expected += [np.where(x > y, exact, y), -np.abs(x), x / 4, np.abs(x)]
     np.testing.assert_allclose(out, np.concatenate(expected), rtol=1e-5, atol=1e-5)
 
 

@@ -20,6 +20,7 @@ BATCH = 64
 _BYTE, _SHORT, _LONG = ir.IntType(8), ir.IntType(16), ir.IntType(64)
 _MASKS = ir.VectorType(_SHORT, BATCH)
 _FOUR = ir.VectorType(_INT, 4)
+_LIFT = 8
 
 
 @device
@@ -64,7 +65,9 @@ def _having(typingctx: Any, masks: Any, bit: Any) -> Any:
 @device
 def _spans(typingctx: Any, ends: Any) -> Any:
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        whole = builder.fptosi(args[0], _INT_VECTOR)
+        # Rounding towards zero is rounding down for what is positive.
+        positive = builder.fadd(args[0], ir.Constant(args[0].type, [float(_LIFT)] * LANES))
+        whole = builder.sub(builder.fptosi(positive, _INT_VECTOR), ir.Constant(_INT_VECTOR, [_LIFT] * LANES))
         last, minus_first = (
             builder.shuffle_vector(whole, whole, ir.Constant(_FOUR, list(lanes)))
             for lanes in (range(4), range(4, LANES))
@@ -106,10 +109,8 @@ def having(masks: Any, bit: Any) -> Any:
 def spans(ends: Any) -> Any:
     """The cells of a 4 by 4 grid between two ends in each row, member ``4 * row + column``.
 
-    A row reaches to column ``ends[row]``, -1 to 3, from column ``-ends[row + 4]``, 0 to 4, where 4
-    and -1 mean none.
+    Ends are rounded down. A row reaches to column ``ends[row]``, -1 to 3, from column
+    ``-ends[row + 4]``, 0 to 4, where -1 and 4 mean none.
     """
-    last, first = ends[:4], -ends[4:]
-    return sum(
-        1 << 4 * row + column for row in range(4) for column in range(4) if first[row] <= column <= last[row]
-    )
+    last, first = np.floor(ends[:4]), -np.floor(ends[4:])
+    return sum(1 << 4 * row + column for row in range(4) for column in range(4) if first[row] <= column <= last[row])

@@ -177,14 +177,6 @@ def _exp2(typingctx: Any, x: Any) -> Any:
 
 
 @device
-def _floor(typingctx: Any, x: Any) -> Any:
-    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return _call(builder, f"llvm.floor.v{LANES}f32", _VECTOR, list(args))
-
-    return float8(float8), codegen
-
-
-@device
 def _sqrt(typingctx: Any, x: Any) -> Any:
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return _call(builder, f"llvm.sqrt.v{LANES}f32", _VECTOR, list(args))
@@ -365,12 +357,6 @@ def exp2(x: Any) -> Any:
     for coefficient in EXP2_CUBIC[1:]:
         power = power * fraction + np.float32(coefficient)
     return (power.view(np.int32) + (shifted.view(np.int32) << 23)).view(np.float32)
-
-
-@_compiled_as(_floor)
-def floor(x: Any) -> Any:
-    """The largest whole number that is not above each lane."""
-    return np.floor(x)
 
 
 @_compiled_as(_sqrt)

@@ -10,7 +10,7 @@ import numpy as np
 
 from tsplat._bits import spans
 from tsplat._jit import part
-from tsplat._lanes import floor, fma, load, maximum, minimum, splat, sqrt, where_above
+from tsplat._lanes import fma, load, maximum, minimum, splat, sqrt, where_above
 from tsplat.raster import record as col
 
 TILE, CELL = 16, 4
@@ -22,15 +22,15 @@ CELLS = GRID * GRID
 # Lanes 0 to 3 find the right ends of the four rows of cells, lanes 4 to 7 the left ends, mirrored.
 ROW_TOP = np.tile(np.arange(GRID, dtype=np.float32) * CELL, 2)
 SIDE = np.repeat(np.asarray([1.0, -1.0], np.float32), GRID)
-ROUND_UP = np.repeat(np.asarray([0.0, CELL - 1.0], np.float32), GRID)
-"""Makes the division below round towards the inside on the left as well."""
-
 LOWEST_END = np.repeat(np.asarray([-1.0, -GRID], np.float32), GRID)
 HIGHEST_END = np.repeat(np.asarray([GRID - 1.0, 0.0], np.float32), GRID)
 """A row ends at a column; on the left columns are mirrored, and so negative. See `_bits.spans`."""
 
 MARGIN = 1e-3
 """Pixels added to either end, more than rounding can take away."""
+
+BEYOND = np.repeat(np.asarray([MARGIN, CELL - 1.0 + MARGIN], np.float32), GRID)
+"""Added to an end, makes rounding down find the last column whose pixels are reached, on the left as well."""
 
 
 @part
@@ -42,7 +42,7 @@ def cells_touched(records, at, left, top):
     y = minimum(maximum(side * rightmost, low), high)
     half_width2 = splat(records[at + col.HALF_WIDTH2]) - splat(records[at + col.NARROWING]) * y * y
     middle = fma(splat(records[at + col.SLOPE]), y, splat(records[at + col.X] - left))
-    reach = fma(side, middle, sqrt(maximum(half_width2, zero)) + splat(np.float32(MARGIN)) + load(ROUND_UP, 0))
-    ends = floor(reach * splat(np.float32(1.0 / CELL)))
+    reach = fma(side, middle, sqrt(maximum(half_width2, zero)) + load(BEYOND, 0))
+    ends = reach * splat(np.float32(1.0 / CELL))
     ends = where_above(half_width2, splat(np.float32(-MARGIN)), ends, splat(np.float32(-GRID)))
     return spans(minimum(maximum(ends, load(LOWEST_END, 0)), load(HIGHEST_END, 0)))
