@@ -13,8 +13,8 @@ from tsplat._jit import kernel
 
 
 @kernel
-def _lowest_and_count(members):  # type: ignore[no-untyped-def]
-    return bits.lowest(members), bits.count(members)
+def _taken_apart(members):  # type: ignore[no-untyped-def]
+    return bits.lowest(members), bits.count(members), bits.others(members)
 
 
 @kernel
@@ -34,9 +34,10 @@ def _spans(ends):  # type: ignore[no-untyped-def]
 
 @given(st.sets(st.integers(0, 63)))
 @settings(max_examples=50, deadline=None)
-def test_the_lowest_member_and_their_number(members: set[int]) -> None:
-    expected = min(members, default=64), len(members)
-    assert _lowest_and_count(np.uint64(sum(1 << member for member in members))) == expected
+def test_the_lowest_member_the_others_and_their_number(members: set[int]) -> None:
+    lowest = min(members, default=64)
+    others = sum(1 << member for member in members - {lowest})
+    assert _taken_apart(np.uint64(sum(1 << member for member in members))) == (lowest, len(members), others)
 
 
 @given(hnp.arrays(np.uint16, 64), st.integers(0, 15))

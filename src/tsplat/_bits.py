@@ -32,6 +32,14 @@ def _lowest(typingctx: Any, bits: Any) -> Any:
 
 
 @device
+def _others(typingctx: Any, bits: Any) -> Any:
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return builder.and_(args[0], builder.sub(args[0], ir.Constant(_LONG, 1)))
+
+    return types.uint64(types.uint64), codegen
+
+
+@device
 def _count(typingctx: Any, bits: Any) -> Any:
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return _call(builder, "llvm.ctpop.i64", _LONG, list(args))
@@ -87,6 +95,12 @@ def lowest(bits: Any) -> Any:
     return (int(bits) & -int(bits)).bit_length() - 1 if bits else BATCH
 
 
+@_compiled_as(_others)
+def others(bits: Any) -> Any:
+    """A uint64 without its lowest member; without any when it has none."""
+    return np.uint64(int(bits) & (int(bits) - 1) if bits else 0)
+
+
 @_compiled_as(_count)
 def count(bits: Any) -> Any:
     """How many members a uint64 has."""
@@ -113,4 +127,6 @@ def spans(ends: Any) -> Any:
     ``-ends[row + 4]``, 0 to 4, where -1 and 4 mean none.
     """
     last, first = np.floor(ends[:4]), -np.floor(ends[4:])
-    return sum(1 << 4 * row + column for row in range(4) for column in range(4) if first[row] <= column <= last[row])
+    return sum(
+        1 << 4 * row + column for row in range(4) for column in range(4) if first[row] <= column <= last[row]
+    )

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tsplat._bits import BATCH, count, having, lanes_at_least, lowest
+from tsplat._bits import BATCH, count, having, lanes_at_least, lowest, others
 from tsplat._jit import part
 from tsplat._lanes import (
     exp2,
@@ -103,11 +103,11 @@ def blend_cell(tile, at, left, top, batch, splats, depths):
     x, y = load(LANE_X, 0) + splat(np.float32(left)), load(LANE_Y, 0) + splat(np.float32(top))
     while splats != np.uint64(0):
         first = lowest(splats) * col.LENGTH
-        splats &= splats - np.uint64(1)
+        splats = others(splats)
         second = lowest(splats) * col.LENGTH
-        splats &= splats - np.uint64(1)
+        splats = others(splats)
         third = lowest(splats) * col.LENGTH
-        splats &= splats - np.uint64(1)
+        splats = others(splats)
         upper1, lower1 = _alphas(batch, first, x, y)
         upper2, lower2 = _alphas(batch, second, x, y)
         upper3, lower3 = _alphas(batch, third, x, y)

@@ -162,7 +162,7 @@ def _prepare_blocks(worker, job):
                 for axis in range(3):
                     job.out_means[axis * padded + i] = job.base_colors[axis * padded + i] = np.float32(0.0)
                 for entry in range(6):
-                    job.covars[entry * padded + i] = np.float32(0.0)
+                    job.covars[entry * padded + i] = np.float32(1.0 if entry in (0, 3, 5) else 0.0)
                 job.log2_opacities[i] = np.float32(INVISIBLE)
         _pack_harmonics(start, n, job.sh, eight, job.sh_rest)
 

@@ -94,7 +94,8 @@ def _project_block(start, numbers, means, covars, log2_opacities, base_colors, s
         log2_opacity = log2_opacities[i] + half * _log2(max(determinant_reference * inverse, np.float32(1e-12)))
         squared_radius = min(two_ln2 * (log2_opacity - log2_alpha_min), squared_extent)
         x, y = fx * x + cx - half, fy * y + cy - half
-        radius_x, radius_y = math.sqrt(max(squared_radius * a, zero)), math.sqrt(max(squared_radius * d, zero))
+        radius_over_a = math.sqrt(max(squared_radius, zero) / a)
+        radius_x, radius_y = radius_over_a * a, math.sqrt(max(squared_radius * d, zero))
         left, right = max(np.ceil(x - radius_x), zero), min(np.floor(x + radius_x), last_x)
         top, bottom = max(np.ceil(y - radius_y), zero), min(np.floor(y + radius_y), last_y)
         seen = (z > near) & (z < far) & (squared_radius > zero) & (left <= right) & (top <= bottom)
@@ -113,7 +114,7 @@ def _project_block(start, numbers, means, covars, log2_opacities, base_colors, s
         scratch[np.uint64(col.SLOPE) * STRIDE + k] = b * inverse_d
         scratch[np.uint64(col.HALF_WIDTH2) * STRIDE + k] = variance * squared_radius
         scratch[np.uint64(col.NARROWING) * STRIDE + k] = variance * inverse_d
-        scratch[np.uint64(col.RIGHTMOST) * STRIDE + k] = b * squared_radius / radius_x
+        scratch[np.uint64(col.RIGHTMOST) * STRIDE + k] = b * radius_over_a
         scratch[np.uint64(SEEN) * STRIDE + k] = one if seen else zero
         bits[np.uint64(FIRST_TILE) * STRIDE + k] = _tile_of(left, top)
         bits[np.uint64(LAST_TILE) * STRIDE + k] = _tile_of(right, bottom)
