@@ -10,6 +10,7 @@ import numba
 from numba.core import event
 from numba.extending import intrinsic, register_jitable
 
+from tsplat._compiler import KernelCompiler, PartCompiler
 from tsplat._kernel_cache import keep_compiled
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -23,8 +24,9 @@ FASTMATH = {"contract", "arcp", "nsz"}
 """Fused multiply-add and reciprocals; nan and infinity keep their meaning, and sums their order:
 ``reassoc`` would simplify the rounding trick of `_lanes.exp2` away."""
 
-
-OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": FASTMATH}
+OPTIONS: dict[str, Any] = {
+    "nogil": True, "error_model": "numpy", "fastmath": FASTMATH, "no_cfunc_wrapper": True
+}  # fmt: skip
 
 
 class Progress(NamedTuple):
@@ -68,7 +70,7 @@ def kernel(function: Function) -> Function:
 
     It releases the interpreter lock, divides by zero as IEEE does, and is cached on disk.
     """
-    compiled: Function = numba.njit(function, **OPTIONS)
+    compiled: Function = numba.njit(function, **OPTIONS, pipeline_class=KernelCompiler)
     if JIT:
         _watch.known.add(function)
         keep_compiled(compiled, function)
@@ -78,12 +80,12 @@ def kernel(function: Function) -> Function:
 def part(function: Function) -> Function:
     """Let kernels call a function, which allocates no arrays; called from Python it is plain Python.
 
-    It has less to compile than a `kernel`: nothing that takes Python's objects apart, counts references or
-    keeps the result on disk. A test that wants it compiled makes it a kernel as well: ``kernel(function)``.
+    It has less to compile than a `kernel`: nothing that takes Python's objects apart or counts references, and
+    it becomes machine code only as part of a kernel. A test that wants it compiled makes it a kernel as well: ``kernel(function)``.
     """
     if JIT:
         _watch.known.add(function)
-    registered: Function = register_jitable(**OPTIONS, _nrt=False)(function)
+    registered: Function = register_jitable(**OPTIONS, _nrt=False, pipeline_class=PartCompiler)(function)
     return registered
 
 

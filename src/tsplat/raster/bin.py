@@ -25,7 +25,7 @@ def bin_tiles(worker, frame):
     _count(first, end, frame.tile_columns, frame.sorted_tiles, counts)
     if not meet(frame.team, frame.workers):
         return -1
-    pairs = scan(worker, frame.tile_counts, frame.tile_count, cursors)
+    pairs = scan(worker, frame.tile_counts, 0, frame.tile_count, cursors)
     if pairs <= len(frame.isect_ids):
         _scatter(first, end, frame.tile_columns, frame.order, frame.sorted_tiles, cursors, frame.isect_ids)
     return pairs if meet(frame.team, frame.workers) else -1

@@ -28,7 +28,7 @@ LOW_BITS = 11
 BUCKETS = 1 << (31 - DEPTH_BITS_IGNORED - LOW_BITS)
 """Of the second pass of the sort, which needs more: depths are positive, so there is no sign bit."""
 
-SCRATCH_ROWS = 20
+SCRATCH_ROWS = 24
 SCRATCH = SCRATCH_ROWS * BLOCK
 """float32 values of a worker's own memory; project and composite use it in turn, in the first-level cache."""
 

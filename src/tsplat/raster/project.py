@@ -28,8 +28,10 @@ STRIDE = np.uint64(BLOCK)
 # Rows of the scratch memory of a block, BLOCK values each: first what goes into the record, in its order, then
 # whether it is seen, and its first and last tile, the column in the low 16 bits of an integer, the row above.
 SEEN, FIRST_TILE, LAST_TILE = 15, 16, 17
+# Then what the loops hand to each other.
+INVERSE_Z, A, B, D, SQUARED_RADIUS = 18, 19, 20, 21, 22
 
-ROWS_BY_SPLAT = 18 * BLOCK
+ROWS_BY_SPLAT = 23 * BLOCK
 """Behind these rows, the records of eight splats."""
 
 LOG2_TILE = np.int32(int(math.log2(TILE)))
@@ -47,7 +49,7 @@ def project(worker, frame):
         if start >= len(frame.log2_opacities):
             return meet(frame.team, frame.workers)
         _project_block(
-            start, frame.numbers, frame.means, frame.covars, frame.log2_opacities, frame.base_colors, scratch, bits
+            start, frame.numbers, frame.means, frame.covars, frame.log2_opacities, frame.base_colors, scratch
         )
         if frame.coefficients > 0:
             half = splat(np.float32(0.5))
@@ -59,23 +61,44 @@ def project(worker, frame):
 
 
 @part
-def _project_block(start, numbers, means, covars, log2_opacities, base_colors, scratch, bits):
-    """Branch-free and over plain arrays, so that LLVM makes vectors of it."""
+def _project_block(start, numbers, means, covars, log2_opacities, base_colors, scratch):
+    """Branch-free and over plain arrays, so that LLVM makes vectors of it.
+
+    Four loops in place of one: each is short enough for the processor to have several of its rounds under way.
+    """
+    _project_means(start, numbers, means, scratch)
+    _project_covars(start, numbers, covars, scratch)
+    _shape_splats(start, numbers, log2_opacities, scratch)
+    _place_splats(start, numbers, base_colors, scratch)
+
+
+@part
+def _project_means(start, numbers, means, scratch):
+    """Fill X and Y, still at depth 1, and DEPTH and INVERSE_Z."""
     r00, r01, r02, tx, r10, r11, r12, ty, r20, r21, r22, tz = numbers[:12]
-    fx, fy, cx, cy, u_min, u_max, v_min, v_max, added, reference = numbers[12:22]
-    near, far, log2_alpha_min, squared_extent, last_x, last_y = numbers[22:28]
-    zero, one, half = np.float32(0.0), np.float32(1.0), np.float32(0.5)
-    two_ln2, fold = np.float32(2.0 / LOG2_E), np.float32(-0.5 * LOG2_E)
-    padded = np.uint64(len(log2_opacities))
+    padded = np.uint64(len(means) // 3)
     for j in range(BLOCK):
         i = np.uint64(start + j)  # unsigned: no branch for a negative index, which would end vectorisation
         k = np.uint64(j)
         mx, my, mz = means[i], means[padded + i], means[np.uint64(2) * padded + i]
         z = r20 * mx + r21 * my + r22 * mz + tz
-        inverse_z = one / z
-        x = (r00 * mx + r01 * my + r02 * mz + tx) * inverse_z
-        y = (r10 * mx + r11 * my + r12 * mz + ty) * inverse_z
-        u, v = min(max(x, u_min), u_max), min(max(y, v_min), v_max)
+        inverse_z = np.float32(1.0) / z
+        scratch[np.uint64(col.X) * STRIDE + k] = (r00 * mx + r01 * my + r02 * mz + tx) * inverse_z
+        scratch[np.uint64(col.Y) * STRIDE + k] = (r10 * mx + r11 * my + r12 * mz + ty) * inverse_z
+        scratch[np.uint64(col.DEPTH) * STRIDE + k], scratch[np.uint64(INVERSE_Z) * STRIDE + k] = z, inverse_z
+
+
+@part
+def _project_covars(start, numbers, covars, scratch):
+    """Fill the 2D covariance in pixels squared, not yet widened: A B; B D."""
+    r00, r01, r02, _, r10, r11, r12, _, r20, r21, r22, _ = numbers[:12]
+    fx, fy, _, _, u_min, u_max, v_min, v_max = numbers[12:20]
+    padded = np.uint64(len(covars) // 6)
+    for j in range(BLOCK):
+        i, k = np.uint64(start + j), np.uint64(j)
+        inverse_z = scratch[np.uint64(INVERSE_Z) * STRIDE + k]
+        u = min(max(scratch[np.uint64(col.X) * STRIDE + k], u_min), u_max)
+        v = min(max(scratch[np.uint64(col.Y) * STRIDE + k], v_min), v_max)
         gx, gy = fx * inverse_z, fy * inverse_z
         j00, j01, j02 = gx * (r00 - u * r20), gx * (r01 - u * r21), gx * (r02 - u * r22)
         j10, j11, j12 = gy * (r10 - v * r20), gy * (r11 - v * r21), gy * (r12 - v * r22)
@@ -84,45 +107,77 @@ def _project_block(start, numbers, means, covars, log2_opacities, base_colors, s
         zz = covars[np.uint64(5) * padded + i]
         p0, p1, p2 = xx * j00 + xy * j01 + xz * j02, xy * j00 + yy * j01 + yz * j02, xz * j00 + yz * j01 + zz * j02
         q0, q1, q2 = xx * j10 + xy * j11 + xz * j12, xy * j10 + yy * j11 + yz * j12, xz * j10 + yz * j11 + zz * j12
-        a = j00 * p0 + j01 * p1 + j02 * p2
-        b = j10 * p0 + j11 * p1 + j12 * p2
-        d = j10 * q0 + j11 * q1 + j12 * q2
+        scratch[np.uint64(A) * STRIDE + k] = j00 * p0 + j01 * p1 + j02 * p2
+        scratch[np.uint64(B) * STRIDE + k] = j10 * p0 + j11 * p1 + j12 * p2
+        scratch[np.uint64(D) * STRIDE + k] = j10 * q0 + j11 * q1 + j12 * q2
+
+
+@part
+def _shape_splats(start, numbers, log2_opacities, scratch):
+    """Widen the 2D covariance, and fill all that follows from it and the opacity alone."""
+    added, reference, log2_alpha_min, squared_extent = numbers[20], numbers[21], numbers[24], numbers[25]
+    one, half, two_ln2, fold = (
+        np.float32(1.0),
+        np.float32(0.5),
+        np.float32(2.0 / LOG2_E),
+        np.float32(-0.5 * LOG2_E),
+    )
+    for j in range(BLOCK):
+        i, k = np.uint64(start + j), np.uint64(j)
+        a, b = scratch[np.uint64(A) * STRIDE + k], scratch[np.uint64(B) * STRIDE + k]
+        d = scratch[np.uint64(D) * STRIDE + k]
         determinant_reference = (a + reference) * (d + reference) - b * b
         a, d = a + added, d + added
         determinant = a * d - b * b
-        inverse = one / determinant
+        inverse, inverse_d = one / determinant, one / d
         log2_opacity = log2_opacities[i] + half * _log2(max(determinant_reference * inverse, np.float32(1e-12)))
         squared_radius = min(two_ln2 * (log2_opacity - log2_alpha_min), squared_extent)
-        x, y = fx * x + cx - half, fy * y + cy - half
-        radius_over_a = math.sqrt(max(squared_radius, zero) / a)
-        radius_x, radius_y = radius_over_a * a, math.sqrt(max(squared_radius * d, zero))
-        left, right = max(np.ceil(x - radius_x), zero), min(np.floor(x + radius_x), last_x)
-        top, bottom = max(np.ceil(y - radius_y), zero), min(np.floor(y + radius_y), last_y)
-        seen = (z > near) & (z < far) & (squared_radius > zero) & (left <= right) & (top <= bottom)
-        inverse_d = one / d
         variance = determinant * inverse_d
-        scratch[np.uint64(col.X) * STRIDE + k], scratch[np.uint64(col.Y) * STRIDE + k] = x, y
+        scratch[np.uint64(A) * STRIDE + k], scratch[np.uint64(D) * STRIDE + k] = a, d
+        scratch[np.uint64(SQUARED_RADIUS) * STRIDE + k] = squared_radius
         scratch[np.uint64(col.CONIC_A) * STRIDE + k] = fold * d * inverse
         scratch[np.uint64(col.CONIC_B) * STRIDE + k] = -(fold + fold) * b * inverse
         scratch[np.uint64(col.CONIC_C) * STRIDE + k] = fold * a * inverse
         scratch[np.uint64(col.LOG2_OPACITY) * STRIDE + k] = log2_opacity
         scratch[np.uint64(col.LOG2_CUT) * STRIDE + k] = max(log2_alpha_min, log2_opacity + fold * squared_extent)
-        scratch[np.uint64(col.RED) * STRIDE + k] = max(base_colors[i], zero)
-        scratch[np.uint64(col.GREEN) * STRIDE + k] = max(base_colors[padded + i], zero)
-        scratch[np.uint64(col.BLUE) * STRIDE + k] = max(base_colors[np.uint64(2) * padded + i], zero)
-        scratch[np.uint64(col.DEPTH) * STRIDE + k] = z
         scratch[np.uint64(col.SLOPE) * STRIDE + k] = b * inverse_d
         scratch[np.uint64(col.HALF_WIDTH2) * STRIDE + k] = variance * squared_radius
         scratch[np.uint64(col.NARROWING) * STRIDE + k] = variance * inverse_d
+
+
+@part
+def _place_splats(start, numbers, base_colors, scratch):
+    """Fill the centre in pixels, what the ellipse covers of the image, and the colour without direction."""
+    fx, fy, cx, cy = numbers[12:16]
+    near, far, _, _, last_x, last_y = numbers[22:28]
+    zero, one, half = np.float32(0.0), np.float32(1.0), np.float32(0.5)
+    padded = np.uint64(len(base_colors) // 3)
+    for j in range(BLOCK):
+        i, k = np.uint64(start + j), np.uint64(j)
+        a, b = scratch[np.uint64(A) * STRIDE + k], scratch[np.uint64(B) * STRIDE + k]
+        d, z = scratch[np.uint64(D) * STRIDE + k], scratch[np.uint64(col.DEPTH) * STRIDE + k]
+        squared_radius = scratch[np.uint64(SQUARED_RADIUS) * STRIDE + k]
+        x = fx * scratch[np.uint64(col.X) * STRIDE + k] + cx - half
+        y = fy * scratch[np.uint64(col.Y) * STRIDE + k] + cy - half
+        radius_over_a = math.sqrt(max(squared_radius, zero) / a)
+        radius_x, radius_y = radius_over_a * a, math.sqrt(max(squared_radius * d, zero))
+        left, right = max(np.ceil(x - radius_x), zero), min(np.floor(x + radius_x), last_x)
+        top, bottom = max(np.ceil(y - radius_y), zero), min(np.floor(y + radius_y), last_y)
+        seen = (z > near) & (z < far) & (squared_radius > zero) & (left <= right) & (top <= bottom)
+        scratch[np.uint64(col.X) * STRIDE + k], scratch[np.uint64(col.Y) * STRIDE + k] = x, y
+        scratch[np.uint64(col.RED) * STRIDE + k] = max(base_colors[i], zero)
+        scratch[np.uint64(col.GREEN) * STRIDE + k] = max(base_colors[padded + i], zero)
+        scratch[np.uint64(col.BLUE) * STRIDE + k] = max(base_colors[np.uint64(2) * padded + i], zero)
         scratch[np.uint64(col.RIGHTMOST) * STRIDE + k] = b * radius_over_a
         scratch[np.uint64(SEEN) * STRIDE + k] = one if seen else zero
-        bits[np.uint64(FIRST_TILE) * STRIDE + k] = _tile_of(left, top)
-        bits[np.uint64(LAST_TILE) * STRIDE + k] = _tile_of(right, bottom)
+        scratch[np.uint64(FIRST_TILE) * STRIDE + k] = _tile_of(left, top)
+        scratch[np.uint64(LAST_TILE) * STRIDE + k] = _tile_of(right, bottom)
 
 
 @part
 def _tile_of(x, y):
-    return np.uint32(np.int32(x) >> LOG2_TILE | np.int32(y) >> LOG2_TILE << np.int32(16))
+    """Return a tile as the bits of a float32: scratch memory by two names would end vectorisation."""
+    return np.uint32(np.int32(x) >> LOG2_TILE | np.int32(y) >> LOG2_TILE << np.int32(16)).view(np.float32)
 
 
 @part

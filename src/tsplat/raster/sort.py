@@ -15,6 +15,9 @@ from tsplat.raster.prepare import BLOCK
 
 LOW_BUCKETS = 1 << LOW_BITS
 
+LOWEST_KEY, HIGHEST_KEY = 1, 2
+"""Columns of a worker's results."""
+
 
 @part
 def sort(worker, frame):
@@ -24,15 +27,24 @@ def sort(worker, frame):
     _count_low(first, end, frame.depth_keys, frame.visible, counts)
     if not meet(frame.team, frame.workers):
         return False
-    total = scan(worker, frame.sort_counts, LOW_BUCKETS, cursors)
+    total = scan(worker, frame.sort_counts, 0, LOW_BUCKETS, cursors)
     _scatter_low(first, end, frame.depth_keys, frame.visible, cursors, frame.pairs)
     if not meet(frame.team, frame.workers):
         return False
     first, end = stretch(worker, frame.workers, total)
-    _count_high(first, end, frame.pairs, counts)
+    frame.results[worker, LOWEST_KEY], frame.results[worker, HIGHEST_KEY] = _count_high(
+        first, end, frame.pairs, counts
+    )
     if not meet(frame.team, frame.workers):
         return False
-    scan(worker, frame.sort_counts, BUCKETS, cursors)
+    # Depths of a frame share few of the buckets, and what another worker counted is far away: look at no others.
+    lowest, highest = frame.results[0, LOWEST_KEY], frame.results[0, HIGHEST_KEY]
+    for other in range(1, frame.workers):
+        lowest, highest = (
+            min(lowest, frame.results[other, LOWEST_KEY]),
+            max(highest, frame.results[other, HIGHEST_KEY]),
+        )
+    scan(worker, frame.sort_counts, lowest, highest + 1, cursors)
     _scatter_high(first, end, frame.pairs, cursors, frame.order)
     return meet(frame.team, frame.workers)
 
@@ -61,10 +73,10 @@ def _blocks_of(worker, workers, visible):
 
 
 @part
-def scan(worker, counts, buckets, cursors):
+def scan(worker, counts, first, end, cursors):
     """Write where this worker's part of each bucket starts, after the parts of those before it; return the sum."""
     total = 0
-    for bucket in range(buckets):
+    for bucket in range(first, end):
         for other in range(counts.shape[0]):
             if other == worker:
                 cursors[np.uint64(bucket)] = total
@@ -92,9 +104,14 @@ def _scatter_low(first, end, depth_keys, visible, cursors, pairs):
 
 @part
 def _count_high(first, end, pairs, counts):
+    """Count keys by their high bits; return the lowest and the highest of these."""
     counts[:] = 0
+    lowest, highest = np.uint64(BUCKETS - 1), np.uint64(0)
     for i in range(first, end):
-        counts[pairs[np.uint64(i)] >> np.uint64(32)] += 1
+        bucket = pairs[np.uint64(i)] >> np.uint64(32)
+        lowest, highest = min(lowest, bucket), max(highest, bucket)
+        counts[bucket] += 1
+    return np.int64(lowest), np.int64(highest)
 
 
 @part
