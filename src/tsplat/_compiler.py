@@ -11,19 +11,19 @@ from types import FunctionType
 from typing import Any
 
 import numba
-from numba import _dynfunc
+import numba._dynfunc as dynfunc
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 
 ROOM = 1 << 16
-"""Pointers in a frame: Python then reserves a megabyte, touching nothing, and half of it is left for other frames."""
+"""Pointers in a frame: for it, Python reserves a megabyte, most of it untouched, and half is left for others."""
 
 
 class KernelCompiler(Compiler):  # type: ignore[misc]
     """Compiles a function that Python calls, and its parts on the way."""
 
     def compile_extra(self, func: Callable[..., Any]) -> Any:
-        """Compile, without looking for garbage: of all that would be looked at over and over, most is still used."""
+        """Compile, without looking for garbage over and over: most of what there is is still used."""
         collecting = gc.isenabled()
         gc.disable()
         try:
@@ -46,7 +46,7 @@ class PartCompiler(Compiler):  # type: ignore[misc]
     def compile_extra(self, func: Callable[..., Any]) -> Any:
         """Compile, and give what has no address a function that stands for it when Numba looks it up."""
         compiled = super().compile_extra(func)
-        sign = _dynfunc.make_function(numba, func.__name__, "", 0, compiled.environment, ())
+        sign = dynfunc.make_function(numba, func.__name__, "", 0, compiled.environment, ())
         self.state.targetctx.insert_user_function(sign, compiled.fndesc, [compiled.library])
         return compiled._replace(entry_point=sign)
 

@@ -81,7 +81,8 @@ def part(function: Function) -> Function:
     """Let kernels call a function, which allocates no arrays; called from Python it is plain Python.
 
     It has less to compile than a `kernel`: nothing that takes Python's objects apart or counts references, and
-    it becomes machine code only as part of a kernel. A test that wants it compiled makes it a kernel as well: ``kernel(function)``.
+    it becomes machine code only within a kernel. A test that wants it compiled makes it a kernel as well:
+    ``kernel(function)``.
     """
     if JIT:
         _watch.known.add(function)
