@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import time
 
-import numpy as np
-
 from tsplat.camera import Camera
-from tsplat.raster.composite import BLENDS
 from tsplat.raster.draw import draw
-from tsplat.raster.frame import STAGES, new_frame
+from tsplat.raster.frame import BLENDS, STAGES, VISIBLE, new_frame
 from tsplat.raster.prepare import prepared
 from tsplat.raster.workers import on_threads
 from tsplat.rendering import Rendering, RenderOptions
@@ -40,12 +37,15 @@ def rasterize(gaussians: Gaussians, camera: Camera, options: RenderOptions) -> R
     with scene.lock:
         frame = new_frame(scene, camera, options, pairs=2 * len(gaussians))
         start = time.monotonic_ns()
-        pairs = on_threads(threads, frame.team, draw, frame)
+        pairs = on_threads(threads, frame.team, draw, frame, meets=True)
         if pairs > len(frame.isect_ids):
             frame = new_frame(scene, camera, options, pairs)
             start = time.monotonic_ns()
-            on_threads(threads, frame.team, draw, frame)
-        ends = frame.stamps[: len(STAGES)]
-        stage_ms = dict(zip(STAGES, (1e-6 * np.diff(ends, prepend=start)).tolist(), strict=True))
-        visible, blends = int(scene.visible.sum()), int(frame.results[:, BLENDS].sum())
-        return Rendering(frame.colors, frame.alphas, frame.depths, visible, pairs, blends, stage_ms)
+            on_threads(threads, frame.team, draw, frame, meets=True)
+        ends = frame.stamps[: len(STAGES)].tolist()
+        lengths = (1e-6 * (end - begin) for begin, end in zip([start, *ends], ends, strict=False))
+        stage_ms = dict(zip(STAGES, lengths, strict=True))
+        visible, blends = frame.results[0, VISIBLE], frame.results[:, BLENDS]
+        return Rendering(
+            frame.colors, frame.alphas, frame.depths, int(visible), pairs, sum(blends.tolist()), stage_ms
+        )

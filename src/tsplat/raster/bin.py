@@ -6,6 +6,7 @@ import numpy as np
 
 from tsplat._jit import part
 from tsplat._threads import meet
+from tsplat.raster.frame import VISIBLE
 from tsplat.raster.sort import scan, stretch
 
 
@@ -17,10 +18,7 @@ def bin_tiles(worker, frame):
     more than ``isect_ids`` has room for, nothing is filled.
     """
     counts, cursors = frame.tile_counts[worker], frame.tile_cursors[worker]
-    visible = 0
-    for block in range(len(frame.visible)):
-        visible += frame.visible[block]
-    first, end = stretch(worker, frame.workers, visible)
+    first, end = stretch(worker, frame.workers, frame.results[worker, VISIBLE])
     _gather_tiles(first, end, frame.order, frame.tiles.view(np.uint64), frame.sorted_tiles)
     _count(first, end, frame.tile_columns, frame.sorted_tiles, counts)
     if not meet(frame.team, frame.workers):

@@ -28,16 +28,13 @@ from tsplat._threads import claim, meet
 from tsplat.raster import record as col
 from tsplat.raster import tile as channel
 from tsplat.raster.cells import CELL, CELLS, GRID, TILE, cells_touched
-from tsplat.raster.frame import NEXT_TILE
+from tsplat.raster.frame import BLENDS, NEXT_TILE
 from tsplat.raster.tile import CELL_SIZE, TILE_SIZE, clear, write
 from tsplat.rendering import ALPHA_MAX, TRANSMITTANCE_MIN
 
 LANE_X = (np.arange(8) % CELL).astype(np.float32)
 LANE_Y = (np.arange(8) // CELL).astype(np.float32)
 """Pixels of a vector: two rows of four."""
-
-BLENDS = 0
-"""Column of a worker's results: how many times it blended a splat into a cell."""
 
 NOBODY = BATCH * col.LENGTH
 

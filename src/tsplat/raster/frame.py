@@ -35,6 +35,9 @@ SCRATCH = SCRATCH_ROWS * BLOCK
 SLACK = 64
 """Entries behind the last one that may be read ahead, never used."""
 
+BLENDS, VISIBLE, LOWEST_KEY, HIGHEST_KEY = range(4)
+"""Columns of ``results``: cells blended by this worker, records of all, the range of this worker's sort keys."""
+
 STAGES = ("project", "sort", "bin", "composite")
 
 
@@ -83,23 +86,39 @@ class Frame(NamedTuple):
 
 def new_frame(scene: Prepared, camera: Camera, options: RenderOptions, pairs: int) -> Frame:
     """Return a frame with room for this many pairs of a tile and a splat; its images belong to the caller."""
-    buffers, workers = scene.buffers, options.worker_count
-    padded = len(scene.log2_opacities)
-    height, width = camera.height, camera.width
+    height, width, buffers = camera.height, camera.width, scene.buffers
+    size = width, height, options.worker_count, pairs
+    if scene.last_size != size:
+        scene.last_frame, scene.last_size = _frame_of_size(scene, *size), size
+    shared: Frame = scene.last_frame
+    return shared._replace(
+        numbers=_numbers(camera, options),
+        coefficients=min(SH_COEFFICIENTS[options.sh_degree] - 1, scene.coefficients),
+        background=np.asarray(options.background, np.float32),
+        colors=buffers.image(height, width, 3),
+        alphas=buffers.image(height, width),
+        depths=buffers.image(height, width) if options.depths else None,
+    )
+
+
+def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs: int) -> Frame:
+    """Return what frames of one size share; what each has of its own is empty."""
+    buffers, padded = scene.buffers, len(scene.log2_opacities)
     tile_columns = -(-width // TILE)
     tile_count = tile_columns * -(-height // TILE)
+    empty = np.empty(0, np.float32)
 
     def by_worker(name: str, length: int, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
         return buffers.array(name, workers * length, dtype)[: workers * length].reshape(workers, length)
 
     return Frame(
-        numbers=_numbers(camera, options),
+        numbers=empty,
         width=width,
         height=height,
         tile_columns=tile_columns,
         tile_count=tile_count,
         workers=workers,
-        coefficients=min(SH_COEFFICIENTS[options.sh_degree] - 1, scene.coefficients),
+        coefficients=0,
         coefficients_stored=scene.coefficients,
         means=scene.means,
         covars=scene.covars,
@@ -120,11 +139,11 @@ def new_frame(scene: Prepared, camera: Camera, options: RenderOptions, pairs: in
         tile_cursors=by_worker("tile_cursors", tile_count, np.int64),
         scratch=by_worker("scratch", SCRATCH, np.float32),
         touched=by_worker("touched", BATCH, np.uint16),
-        background=np.asarray(options.background, np.float32),
-        colors=buffers.image(height, width, 3),
-        alphas=buffers.image(height, width),
-        depths=buffers.image(height, width) if options.depths else None,
-        team=buffers.array("team", len(_threads.new_team(COUNTERS)), np.int64),
+        background=empty,
+        colors=empty,
+        alphas=empty,
+        depths=None,
+        team=_threads.new_team(COUNTERS),
         results=by_worker("results", 8, np.int64),
         stamps=buffers.array("stamps", len(STAGES), np.int64),
     )
@@ -132,14 +151,17 @@ def new_frame(scene: Prepared, camera: Camera, options: RenderOptions, pairs: in
 
 def _numbers(camera: Camera, options: RenderOptions) -> F32:
     """Return the world-to-camera matrix, its first three rows, then what `project` names, and the eye."""
-    (fx, _, cx), (_, fy, cy), _ = camera.K
+    (fx, _, cx), (_, fy, cy), _ = camera.K.tolist()
     margin = (JACOBIAN_LIMIT - 1.0) * 0.5
     added, reference = options.filter2d(math.sqrt(fx * fy))
-    numbers = [
-        *camera.viewmat[:3].ravel(), fx, fy, cx, cy,
+    numbers = np.empty(31, np.float32)
+    numbers[:12] = camera.viewmat[:3].ravel()
+    numbers[12:28] = (
+        fx, fy, cx, cy,
         -cx / fx - margin * camera.width / fx, (camera.width - cx) / fx + margin * camera.width / fx,
         -cy / fy - margin * camera.height / fy, (camera.height - cy) / fy + margin * camera.height / fy,
         added, reference, options.near_plane, options.far_plane,
-        math.log2(options.alpha_min), options.sigma_extent**2, camera.width - 1, camera.height - 1, *camera.eye,
-    ]  # fmt: skip
-    return np.asarray(numbers, np.float32)
+        math.log2(options.alpha_min), options.sigma_extent**2, camera.width - 1, camera.height - 1,
+    )  # fmt: skip
+    numbers[28:] = camera.eye
+    return numbers

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import threading
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -68,6 +68,8 @@ class Prepared:
         Records of each block.
     buffers : Buffers
         What grows with the image.
+    last_size, last_frame
+        What the last frame shares with the next one of its size; see `frame.new_frame`.
     lock : Lock
         Held while a frame uses the buffers.
     """
@@ -83,6 +85,8 @@ class Prepared:
     tiles: npt.NDArray[np.uint32]
     visible: npt.NDArray[np.int32]
     buffers: Buffers = field(default_factory=Buffers)
+    last_size: tuple[int, ...] = ()
+    last_frame: Any = None
     lock: threading.Lock = field(default_factory=threading.Lock)
 
 

@@ -10,13 +10,10 @@ import numpy as np
 
 from tsplat._jit import part
 from tsplat._threads import meet
-from tsplat.raster.frame import BUCKETS, LOW_BITS
+from tsplat.raster.frame import BUCKETS, HIGHEST_KEY, LOW_BITS, LOWEST_KEY, VISIBLE
 from tsplat.raster.prepare import BLOCK
 
 LOW_BUCKETS = 1 << LOW_BITS
-
-LOWEST_KEY, HIGHEST_KEY = 1, 2
-"""Columns of a worker's results."""
 
 
 @part
@@ -28,6 +25,7 @@ def sort(worker, frame):
     if not meet(frame.team, frame.workers):
         return False
     total = scan(worker, frame.sort_counts, 0, LOW_BUCKETS, cursors)
+    frame.results[worker, VISIBLE] = total
     _scatter_low(first, end, frame.depth_keys, frame.visible, cursors, frame.pairs)
     if not meet(frame.team, frame.workers):
         return False

@@ -9,40 +9,64 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from functools import lru_cache
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from tsplat._threads import ABANDONED
+from tsplat._threads import ABANDONED, ARRIVED, FIRST_FREE
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
 
 
 def on_threads(
-    threads: int, team: npt.NDArray[np.int64], function: Callable[[int, Job], Result], job: Job
+    threads: int,
+    team: npt.NDArray[np.int64],
+    function: Callable[[int, Job], Result],
+    job: Job,
+    *,
+    meets: bool = False,
 ) -> Result:
     """Call ``function(worker, job)`` for worker 0 to ``threads - 1``, wait for all, return what worker 0 returns.
 
-    Workers may wait for each other, so they all run at once; ``team`` is what they share, cleared before.
+    Workers may wait for each other, so they all run at once; ``team`` is what they share. With ``meets``
+    they have met when worker 0 returns, and the threads of the others come home on their own, which
+    saves their waking this one.
     """
-    pool, busy = _pool(threads)
-    with busy:  # two frames that each held half of the pool would wait for ever
-        team[:] = 0
-        others = [pool.submit(function, worker, job) for worker in range(1, threads)]
+    crew = _crew(threads)
+    with crew.busy:  # two frames that each held half of the crew would wait for ever
+        crew.come_home()
+        # The round counts on: a thread on its way home from the last frame may still be looking at it.
+        team[ARRIVED] = team[ABANDONED] = 0
+        team[FIRST_FREE:] = 0
+        crew.out = [crew.pool.submit(function, worker, job) for worker in range(1, threads)]
         try:
-            return function(0, job)
+            result = function(0, job)
         except BaseException:
             team[ABANDONED] = 1
+            crew.come_home()
             raise
-        finally:
-            for other in others:
-                other.result()
+        if not meets:
+            crew.come_home()
+        return result
 
 
-@lru_cache(maxsize=4)
-def _pool(threads: int) -> tuple[ThreadPoolExecutor, threading.Lock]:
-    return ThreadPoolExecutor(max_workers=max(1, threads - 1), thread_name_prefix="tsplat"), threading.Lock()
+class _Crew:
+    """The threads beside the calling one, and what they are doing."""
+
+    def __init__(self, threads: int) -> None:
+        self.pool = ThreadPoolExecutor(max_workers=max(1, threads - 1), thread_name_prefix="tsplat")
+        self.busy = threading.Lock()
+        self.out: list[Future[Any]] = []
+
+    def come_home(self) -> None:
+        """Wait until all are idle; raise what one of them raised."""
+        out, self.out = self.out, []
+        for other in out:
+            other.result()
+
+
+_crew = lru_cache(maxsize=4)(_Crew)
