@@ -109,7 +109,7 @@ def test_every_pixel_a_splat_may_touch_lies_in_its_tiles_and_cells() -> None:
     alphas = reference._alphas(means2d, conics, opacities, np.stack([xs.ravel(), ys.ravel()], -1), options)
     seen = (alphas > options.alpha_min * 1.001).reshape(-1, camera.height, camera.width)
     assert set(np.flatnonzero(seen.any((1, 2)))) <= set(ids)
-    tiles = frame.tiles.reshape(-1, 2)
+    tiles = frame.tiles.view(np.uint32).reshape(-1, 2)
     for row, splat in zip(rows, ids, strict=True):
         (left, right), (top, bottom) = tiles[row] & 0xFFFF, tiles[row] >> 16
         for y, x in zip(*np.nonzero(seen[splat]), strict=True):
@@ -183,7 +183,7 @@ def test_every_tile_lists_the_splats_whose_boxes_touch_it_by_depth_and_no_others
     gaussians, camera = random_gaussians(np.random.default_rng(5), 2 * MANY), front_camera(70, 50)
     frame, rows = after([PROJECT, SORT, BIN_TILES], gaussians, camera, RenderOptions(threads=threads))
     order = frame.order[: len(rows)]
-    first, last = frame.tiles.reshape(-1, 2)[order].T
+    first, last = frame.tiles.view(np.uint32).reshape(-1, 2)[order].T
     ends = frame.tile_cursors[threads - 1]
     for tile, start in enumerate([0, *ends[:-1]]):
         y, x = divmod(tile, frame.tile_columns)

@@ -46,6 +46,9 @@ def rasterize(gaussians: Gaussians, camera: Camera, options: RenderOptions) -> R
         lengths = (1e-6 * (end - begin) for begin, end in zip([start, *ends], ends, strict=False))
         stage_ms = dict(zip(STAGES, lengths, strict=True))
         visible, blends = frame.results[0, VISIBLE], frame.results[:, BLENDS]
+        shape = camera.height, camera.width
+        colors, alphas, depths = frame.image.colors, frame.image.alphas, frame.image.depths
         return Rendering(
-            frame.colors, frame.alphas, frame.depths, int(visible), pairs, sum(blends.tolist()), stage_ms
-        )
+            colors.reshape(*shape, 3), alphas.reshape(shape), None if depths is None else depths.reshape(shape),
+            int(visible), pairs, sum(blends.tolist()), stage_ms,
+        )  # fmt: skip

@@ -19,7 +19,7 @@ def bin_tiles(worker, frame):
     """
     counts, cursors = frame.tile_counts[worker], frame.tile_cursors[worker]
     first, end = stretch(worker, frame.workers, frame.results[worker, VISIBLE])
-    _gather_tiles(first, end, frame.order, frame.tiles.view(np.uint64), frame.sorted_tiles)
+    _gather_tiles(first, end, frame.order, frame.tiles, frame.sorted_tiles)
     _count(first, end, frame.tile_columns, frame.sorted_tiles, counts)
     if not meet(frame.team, frame.workers):
         return -1

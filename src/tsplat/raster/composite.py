@@ -46,7 +46,7 @@ AHEAD = 16
 def composite(worker, frame):
     """Draw tiles until none is left; tiles own disjoint pixels, so workers never meet before the end."""
     tile, batch = frame.scratch[worker, :TILE_SIZE], frame.scratch[worker, TILE_SIZE:]
-    touched, depths = frame.touched[worker], frame.depths
+    touched, depths = frame.touched[worker], frame.image.depths
     isect_ends = frame.tile_cursors[frame.workers - 1]
     # Behind the last member, one that is never seen completes the threes.
     batch[NOBODY : NOBODY + col.LENGTH] = 0.0
@@ -58,7 +58,7 @@ def composite(worker, frame):
             frame.results[worker, BLENDS] = blends
             return meet(frame.team, frame.workers)
         left, top = t % frame.tile_columns * TILE, t // frame.tile_columns * TILE
-        live = clear(tile, frame.width - left, frame.height - top)
+        live = clear(tile, frame.image.width - left, frame.image.height - top)
         next_, end = (isect_ends[t - 1] if t > 0 else 0), isect_ends[t]
         while next_ < end and live != 0:
             next_ = _fill_batch(frame.isect_ids, next_, end, frame.records, left, top, live, batch, touched)
@@ -69,7 +69,7 @@ def composite(worker, frame):
                     x, y = left + cell % GRID * CELL, top + cell // GRID * CELL
                     if blend_cell(tile, cell * CELL_SIZE, x, y, batch, splats, depths):
                         live &= ~(1 << cell)
-        write(tile, left, top, frame.background, frame.colors, frame.alphas, depths)
+        write(tile, left, top, frame.image, depths)
 
 
 @part

@@ -41,6 +41,17 @@ BLENDS, VISIBLE, LOWEST_KEY, HIGHEST_KEY = range(4)
 STAGES = ("project", "sort", "bin", "composite")
 
 
+class Image(NamedTuple):
+    """What is drawn into, row by row, and what is behind it; see `Rendering`."""
+
+    width: int
+    height: int
+    background: F32
+    colors: F32
+    alphas: F32
+    depths: F32 | None
+
+
 class Frame(NamedTuple):
     """One frame; P is the number of splats padded to blocks, V of visible ones, T of tiles, W of workers.
 
@@ -49,8 +60,7 @@ class Frame(NamedTuple):
     """
 
     numbers: F32
-    width: int
-    height: int
+    image: Image
     tile_columns: int
     tile_count: int
     workers: int
@@ -63,7 +73,7 @@ class Frame(NamedTuple):
     sh_rest: npt.NDArray[np.uint16]
     records: F32
     depth_keys: npt.NDArray[np.uint32]
-    tiles: npt.NDArray[np.uint32]
+    tiles: npt.NDArray[np.uint64]
     visible: npt.NDArray[np.int32]
     pairs: npt.NDArray[np.uint64]
     order: npt.NDArray[np.int32]
@@ -75,10 +85,6 @@ class Frame(NamedTuple):
     tile_cursors: I64
     scratch: F32
     touched: npt.NDArray[np.uint16]
-    background: F32
-    colors: F32
-    alphas: F32
-    depths: F32 | None
     team: I64
     results: I64
     stamps: I64
@@ -94,10 +100,14 @@ def new_frame(scene: Prepared, camera: Camera, options: RenderOptions, pairs: in
     return shared._replace(
         numbers=_numbers(camera, options),
         coefficients=min(SH_COEFFICIENTS[options.sh_degree] - 1, scene.coefficients),
-        background=np.asarray(options.background, np.float32),
-        colors=buffers.image(height, width, 3),
-        alphas=buffers.image(height, width),
-        depths=buffers.image(height, width) if options.depths else None,
+        image=Image(
+            width,
+            height,
+            np.asarray(options.background, np.float32),
+            colors=buffers.image(height * width * 3),
+            alphas=buffers.image(height * width),
+            depths=buffers.image(height * width) if options.depths else None,
+        ),
     )
 
 
@@ -113,8 +123,7 @@ def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs
 
     return Frame(
         numbers=empty,
-        width=width,
-        height=height,
+        image=Image(width, height, empty, empty, empty, None),
         tile_columns=tile_columns,
         tile_count=tile_count,
         workers=workers,
@@ -139,10 +148,6 @@ def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs
         tile_cursors=by_worker("tile_cursors", tile_count, np.int64),
         scratch=by_worker("scratch", SCRATCH, np.float32),
         touched=by_worker("touched", BATCH, np.uint16),
-        background=empty,
-        colors=empty,
-        alphas=empty,
-        depths=None,
         team=_threads.new_team(COUNTERS),
         results=by_worker("results", 8, np.int64),
         stamps=buffers.array("stamps", len(STAGES), np.int64),

@@ -62,8 +62,8 @@ class Prepared:
         One row for each visible splat, see `record`; a block's rows start where its splats start.
     depth_keys : ndarray of uint32, [P]
         What each record is sorted by.
-    tiles : ndarray of uint32, [P * 2]
-        First and last tile of each record: the column in the low 16 bits, the row above.
+    tiles : ndarray of uint64, [P]
+        First tile of each record, 16 bits of its column and then of its row; above, the last tile.
     visible : ndarray of int32, [blocks]
         Records of each block.
     buffers : Buffers
@@ -82,7 +82,7 @@ class Prepared:
     coefficients: int
     records: F32
     depth_keys: npt.NDArray[np.uint32]
-    tiles: npt.NDArray[np.uint32]
+    tiles: npt.NDArray[np.uint64]
     visible: npt.NDArray[np.int32]
     buffers: Buffers = field(default_factory=Buffers)
     last_size: tuple[int, ...] = ()
@@ -116,7 +116,7 @@ def _prepare(gaussians: Gaussians, threads: int) -> Prepared:
         coefficients=coefficients,
         records=aligned(padded * record.LENGTH, np.float32),
         depth_keys=aligned(padded, np.uint32),
-        tiles=aligned(2 * padded, np.uint32),
+        tiles=aligned(padded, np.uint64),
         visible=aligned(blocks, np.int32),
     )
     team = new_team(1)
@@ -144,7 +144,7 @@ class _Job(NamedTuple):
     sh_rest: npt.NDArray[np.uint16]
     records: F32
     depth_keys: npt.NDArray[np.uint32]
-    tiles: npt.NDArray[np.uint32]
+    tiles: npt.NDArray[np.uint64]
 
 
 @kernel
@@ -158,7 +158,7 @@ def _prepare_blocks(worker, job):
         # The first touch of a page costs more than what is computed for it: better now than in a frame.
         job.records[start * record.LENGTH : (start + BLOCK) * record.LENGTH] = np.float32(0.0)
         job.depth_keys[start : start + BLOCK] = np.uint32(0)
-        job.tiles[2 * start : 2 * (start + BLOCK)] = np.uint32(0)
+        job.tiles[start : start + BLOCK] = np.uint64(0)
         for i in range(start, start + BLOCK):
             if i < n:
                 _prepare_splat(i, padded, job)

@@ -41,7 +41,6 @@ LOG2_TILE = np.int32(int(math.log2(TILE)))
 def project(worker, frame):
     """Fill ``records``, ``depth_keys``, ``tiles`` and ``visible``, block by block."""
     scratch = frame.scratch[worker]
-    bits = scratch.view(np.uint32)
     eye = frame.numbers[28:31]
     while True:
         block = claim(frame.team, NEXT_BLOCK)
@@ -57,7 +56,7 @@ def project(worker, frame):
                 if lanes_at_least(load(scratch, SEEN * BLOCK + first), half) != 0:
                     color_eight(start + first, frame.coefficients, frame.coefficients_stored, eye, frame.means,
                                 frame.base_colors, frame.sh_rest, scratch, col.RED * BLOCK + first)  # fmt: skip
-        frame.visible[block] = _keep_visible(start, scratch, bits, frame.records, frame.depth_keys, frame.tiles)
+        frame.visible[block] = _keep_visible(start, scratch, frame.records, frame.depth_keys, frame.tiles)
 
 
 @part
@@ -194,7 +193,7 @@ def _log2(x):
 
 
 @part
-def _keep_visible(start, scratch, bits, records, depth_keys, tiles):
+def _keep_visible(start, scratch, records, depth_keys, tiles):
     """Write the record of each splat that covers the centre of a pixel; return how many there are.
 
     Every record is written where the next visible one belongs, so there is nothing to mispredict.
@@ -207,8 +206,12 @@ def _keep_visible(start, scratch, bits, records, depth_keys, tiles):
             k, row = np.uint64(first + lane), np.int64(kept) * col.LENGTH
             store(records, row, load(scratch, ROWS_BY_SPLAT + lane * col.LENGTH))
             store(records, row + 8, load(scratch, ROWS_BY_SPLAT + lane * col.LENGTH + 8))
-            depth_keys[kept] = bits[np.uint64(col.DEPTH) * STRIDE + k] >> np.uint32(DEPTH_BITS_IGNORED)
-            tiles[np.uint64(2) * kept] = bits[np.uint64(FIRST_TILE) * STRIDE + k]
-            tiles[np.uint64(2) * kept + np.uint64(1)] = bits[np.uint64(LAST_TILE) * STRIDE + k]
-            kept += np.uint64(bits[np.uint64(SEEN) * STRIDE + k] != 0)
+            depth_keys[kept] = _bits(scratch, col.DEPTH, k) >> np.uint64(DEPTH_BITS_IGNORED)
+            tiles[kept] = _bits(scratch, FIRST_TILE, k) | _bits(scratch, LAST_TILE, k) << np.uint64(32)
+            kept += np.uint64(_bits(scratch, SEEN, k) != np.uint64(0))
     return np.int32(kept - np.uint64(start))
+
+
+@part
+def _bits(scratch, row, k):
+    return np.uint64(np.float32(scratch[np.uint64(row) * STRIDE + k]).view(np.uint32))

@@ -40,46 +40,43 @@ def clear(tile, width, height):
 
 
 @part
-def write(tile, left, top, background, colors, alphas, depths):
+def write(tile, left, top, image, depths):
     """Put a tile's pixels into the image, with the background behind them."""
-    height, width = alphas.shape
-    flat_colors, flat_alphas = colors.reshape(-1), alphas.reshape(-1)
+    width, height = image.width, image.height
     for cell in range(CELLS):
-        x, y = left + cell % GRID * CELL, top + cell // GRID * CELL
+        x, y, at = left + cell % GRID * CELL, top + cell // GRID * CELL, cell * CELL_SIZE
         if x + CELL <= width and y + CELL <= height:
-            for half in range(2):
-                at, pixel = cell * CELL_SIZE + 8 * half, (y + 2 * half) * width + x
-                _write_rows(tile, at, pixel, width, background, flat_colors, flat_alphas, depths)
+            _write_rows(tile, at, y * width + x, image, depths)
+            _write_rows(tile, at + 8, (y + 2) * width + x, image, depths)
         else:
             for row in range(y, min(y + CELL, height)):
                 for column in range(x, min(x + CELL, width)):
-                    at = cell * CELL_SIZE + (row - y) * CELL + column - x
-                    _write_pixel(tile, at, row, column, background, colors, alphas, depths)
+                    _write_pixel(tile, at + (row - y) * CELL + column - x, row * width + column, image, depths)
 
 
 @part
-def _write_rows(tile, at, pixel, width, background, colors, alphas, depths):
+def _write_rows(tile, at, pixel, image, depths):
     """Write two rows of four pixels, from ``pixel`` and one row below it on."""
+    below, background = pixel + image.width, image.background
     zero, one = splat(np.float32(0.0)), splat(np.float32(1.0))
     light = zero - minus_abs(load(tile, at + LIGHT))
     red = load(tile, at + RED) + light * splat(background[0])
     green = load(tile, at + GREEN) + light * splat(background[1])
     blue = load(tile, at + BLUE) + light * splat(background[2])
-    store_rows_rgb(colors, 3 * pixel, 3 * (pixel + width), red, green, blue)
+    store_rows_rgb(image.colors, 3 * pixel, 3 * below, red, green, blue)
     alpha = one - light
-    store_rows(alphas, pixel, pixel + width, alpha)
+    store_rows(image.alphas, pixel, below, alpha)
     if depths is not None:
-        depth = load(tile, at + DEPTH) / maximum(alpha, splat(np.float32(1e-10)))
-        store_rows(depths.reshape(-1), pixel, pixel + width, depth)
+        store_rows(depths, pixel, below, load(tile, at + DEPTH) / maximum(alpha, splat(np.float32(1e-10))))
 
 
 @part
-def _write_pixel(tile, at, row, column, background, colors, alphas, depths):
-    light = abs(tile[at + LIGHT])
-    colors[row, column, 0] = tile[at + RED] + light * background[0]
-    colors[row, column, 1] = tile[at + GREEN] + light * background[1]
-    colors[row, column, 2] = tile[at + BLUE] + light * background[2]
+def _write_pixel(tile, at, pixel, image, depths):
+    light, background = abs(tile[at + LIGHT]), image.background
+    image.colors[3 * pixel] = tile[at + RED] + light * background[0]
+    image.colors[3 * pixel + 1] = tile[at + GREEN] + light * background[1]
+    image.colors[3 * pixel + 2] = tile[at + BLUE] + light * background[2]
     alpha = np.float32(1.0) - light
-    alphas[row, column] = alpha
+    image.alphas[pixel] = alpha
     if depths is not None:
-        depths[row, column] = tile[at + DEPTH] / max(alpha, np.float32(1e-10))
+        depths[pixel] = tile[at + DEPTH] / max(alpha, np.float32(1e-10))
