@@ -13,7 +13,7 @@ import pytest
 
 from tests.bench.conftest import Drawn
 from tests.scenes import random_gaussians
-from tsplat import cli
+from tsplat import cli, progress
 from tsplat.io import save
 from tsplat.rendering import available_processors
 
@@ -132,6 +132,16 @@ def test_progress_is_for_terminals(
     assert json.loads(capsys.readouterr().out)
     assert "cloud 24 x 16" in screen.getvalue()
     assert "100%" in screen.getvalue()
+
+
+def test_kernels_are_ready_before_the_first_frame(
+    drawn: Drawn, scene: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    frames_before: list[int] = []
+    monkeypatch.setattr(progress, "wait_for_kernels", lambda _: frames_before.append(len(drawn)))
+    assert bench(scene, "--size", "24x16", "--frames", 1) == 0
+    assert frames_before == [0]
+    assert drawn
 
 
 def test_nothing_of_it_is_imported_for_other_commands() -> None:

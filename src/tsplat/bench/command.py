@@ -87,12 +87,15 @@ def bench(scene: tuple[str, ...], sizes: Sequence[tuple[int, int]], thread_count
     """Time each stage of drawing SCENE, or the demo, from around and inside, against what this machine can do."""
     from tsplat.bench.measure import measure_all
     from tsplat.io import demo_path, load
+    from tsplat.progress import wait_for_kernels
     from tsplat.rendering import available_processors
+    from tsplat.warmup import WarmUp
 
     names = scene or (DEMO,)
     # All are loaded before any is timed, so that a bad file does not cost the minutes before it.
     scenes = [(Path(name).stem, load(demo_path() if name == DEMO else name)) for name in names]
     counts = thread_counts or tuple(dict.fromkeys((1, available_processors())))
+    wait_for_kernels(WarmUp())
     with _progress() as show:
         results, ceilings = measure_all(scenes, sizes, counts, frames, show)
     (_print_json if as_json else _print_tables)(results, ceilings)
