@@ -58,7 +58,7 @@ def test_the_library_draws_as_the_readme_says(tmp_path: Path) -> None:
     assert image.depths is not None
     assert (image.colors.shape, image.alphas.shape, image.depths.shape) == ((48, 64, 3), (48, 64), (48, 64))
     assert image.colors.dtype == image.alphas.dtype == image.depths.dtype == np.float32
-    assert list(image.stage_ms) == ["project", "sh", "bin", "composite"]
+    assert list(image.stage_ms) == ["project", "sort", "bin", "composite"]
     with Image.open(image.save(tmp_path / "garden.png")) as saved:
         np.testing.assert_array_equal(np.asarray(saved), image.frame())
 

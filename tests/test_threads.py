@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import time
+import warnings
 
 import numpy as np
 import pytest
@@ -78,3 +81,22 @@ def test_kernels_and_python_read_the_same_clock() -> None:
     before = time.monotonic_ns()
     now = _time()
     assert before <= now <= time.monotonic_ns()
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="nothing forks on this system")
+def test_a_forked_child_draws_with_threads_of_its_own() -> None:
+    team, taken = _threads.new_team(1), np.zeros((WORKERS, 50), np.int64)
+    on_threads(WORKERS, team, _numbers, (team, taken))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # forking beside threads is what is tried here
+        child = os.fork()
+    if child == 0:
+        on_threads(WORKERS, team, _numbers, (team, taken))
+        os._exit(0)
+    deadline = time.monotonic() + 20
+    while (ended := os.waitpid(child, os.WNOHANG)) == (0, 0) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    if ended == (0, 0):
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+    assert ended == (child, 0)

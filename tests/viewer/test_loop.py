@@ -185,7 +185,10 @@ def test_ctrl_z_suspends_once(tmp_path: Path) -> None:
     assert b"\x1b[2J" in terminal.written[-1]
 
 
-def test_a_slow_start_says_what_it_waits_for_and_can_be_quit(tmp_path: Path) -> None:
+def test_a_slow_start_says_what_it_waits_for_and_can_be_quit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tsplat._jit._watch.start", None)  # other tests may have compiled something
     done = threading.Event()
 
     class SlowPainter(FakePainter):

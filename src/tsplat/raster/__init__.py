@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 
 from tsplat.camera import Camera
+from tsplat.raster.bin import room
 from tsplat.raster.draw import draw
 from tsplat.raster.frame import BLENDS, STAGES, VISIBLE, new_frame
 from tsplat.raster.prepare import prepared
@@ -38,7 +39,7 @@ def rasterize(gaussians: Gaussians, camera: Camera, options: RenderOptions) -> R
         frame = new_frame(scene, camera, options, pairs=2 * len(gaussians))
         start = time.monotonic_ns()
         pairs = on_threads(threads, frame.team, draw, frame, meets=True)
-        if pairs > len(frame.isect_ids):
+        if pairs > room(frame):
             frame = new_frame(scene, camera, options, pairs)
             start = time.monotonic_ns()
             on_threads(threads, frame.team, draw, frame, meets=True)

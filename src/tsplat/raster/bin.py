@@ -6,7 +6,7 @@ import numpy as np
 
 from tsplat._jit import part
 from tsplat._threads import meet
-from tsplat.raster.frame import VISIBLE
+from tsplat.raster.frame import SLACK, VISIBLE
 from tsplat.raster.sort import scan, stretch
 
 
@@ -24,9 +24,15 @@ def bin_tiles(worker, frame):
     if not meet(frame.team, frame.workers):
         return -1
     pairs = scan(worker, frame.tile_counts, 0, frame.tile_count, cursors)
-    if pairs <= len(frame.isect_ids):
+    if pairs <= room(frame):
         _scatter(first, end, frame.tile_columns, frame.order, frame.sorted_tiles, cursors, frame.isect_ids)
     return pairs if meet(frame.team, frame.workers) else -1
+
+
+@part
+def room(frame):
+    """Return how many pairs ``isect_ids`` may hold; a little more of it is read ahead."""
+    return len(frame.isect_ids) - SLACK
 
 
 @part

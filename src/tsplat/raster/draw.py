@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tsplat._jit import kernel, part
 from tsplat._threads import nanoseconds
-from tsplat.raster.bin import bin_tiles
+from tsplat.raster.bin import bin_tiles, room
 from tsplat.raster.composite import composite
 from tsplat.raster.project import project
 from tsplat.raster.sort import sort
@@ -25,7 +25,7 @@ def draw(worker, frame):
     _stamp(worker, frame, 1)
     pairs = bin_tiles(worker, frame)
     _stamp(worker, frame, 2)
-    if 0 <= pairs <= len(frame.isect_ids):
+    if 0 <= pairs <= room(frame):
         composite(worker, frame)
         _stamp(worker, frame, 3)
     return pairs

@@ -7,6 +7,7 @@ threads enter it.
 
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -42,8 +43,9 @@ def on_threads(
         # The round counts on: a thread on its way home from the last frame may still be looking at it.
         team[ARRIVED] = team[ABANDONED] = 0
         team[FIRST_FREE:] = 0
-        crew.out = [crew.pool.submit(function, worker, job) for worker in range(1, threads)]
         try:
+            for worker in range(1, threads):
+                crew.out.append(crew.pool.submit(function, worker, job))
             result = function(0, job)
         except BaseException:
             team[ABANDONED] = 1
@@ -70,3 +72,7 @@ class _Crew:
 
 
 _crew = lru_cache(maxsize=4)(_Crew)
+
+# A forked child has none of these threads.
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_crew.cache_clear)
