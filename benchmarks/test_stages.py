@@ -14,10 +14,10 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from tsplat.bench.views import View, camera_path
 from tsplat.io import demo_path, load
 from tsplat.raster import rasterize
+from tsplat.raster.frame import STAGES
 from tsplat.rendering import RenderOptions, available_processors
 from tsplat.scene import Gaussians
 
-STAGES = "project", "sort", "bin", "composite"
 SIZES = (240, 160), (1280, 720)
 VIEWS = "outside 1", "inside 1"
 THREADS = tuple(dict.fromkeys((1, available_processors())))

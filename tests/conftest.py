@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from tsplat.warmup import draw_tiny
+
 # A first call compiles kernels; time is no property worth failing for.
 settings.register_profile("tsplat", deadline=None)
 settings.load_profile("tsplat")
@@ -19,6 +21,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--update-goldens", action="store_true", help="rewrite tests/goldens from what the code does now"
     )
+
+
+@pytest.fixture(scope="session")
+def compiled() -> None:
+    """Have the kernels ready, so that no command stops to say that it compiles them."""
+    draw_tiny()
 
 
 @pytest.fixture

@@ -19,6 +19,8 @@ from tsplat import __version__, cli
 from tsplat.io import save
 
 COMPILING = b"tsplat: compiling kernels, first run only\n"
+pytestmark = pytest.mark.usefixtures("compiled")
+
 HELP_PAGE = Path(__file__).parents[1] / "docs" / "cli.md"
 
 

@@ -1,12 +1,16 @@
-"""The command line's own kinds of arguments: three numbers, and a command that need not be named."""
+"""The command line's own kinds of arguments: scenes, three numbers, and a command that need not be named."""
 
 from __future__ import annotations
 
 import math
 import re
+from pathlib import Path
 from typing import Any
 
 import rich_click as click
+
+DEMO = "demo"
+"""What the scene in the package is called."""
 
 AXES = {
     "x": (1.0, 0.0, 0.0),
@@ -17,6 +21,13 @@ AXES = {
     "-z": (0.0, 0.0, -1.0),
 }
 COLORS = {"black": (0.0, 0.0, 0.0), "white": (1.0, 1.0, 1.0), "grey": (0.5, 0.5, 0.5)}
+
+
+def scene_path(scene: str) -> Path:
+    """Return where the scene is that a person named."""
+    from tsplat.io import demo_path
+
+    return demo_path() if scene == DEMO else Path(scene)
 
 
 class Triple(click.ParamType):  # type: ignore[type-arg]

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import rich_click as click
 
 from tsplat import __version__
-from tsplat.arguments import BACKGROUND, POINT, UP, Triples, ViewByDefault
+from tsplat.arguments import BACKGROUND, DEMO, POINT, UP, Triples, ViewByDefault, scene_path
 from tsplat.bench.command import bench
 from tsplat.errors import LoadWarning, OptionError, TsplatError
 from tsplat.progress import loading, wait_for_kernels
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from tsplat.camera import Camera, Vector
     from tsplat.scene import Gaussians
 
-DEMO = "demo"
 OUTPUTS = ("kitty", "sixel", "half", "half256")
 
 ANTIALIAS_HELP = (
@@ -184,17 +183,11 @@ def info(scene: str, as_json: bool, max_splats: int | None, raw_opacity: bool) -
 command.add_command(bench)
 
 
-def _path(scene: str) -> Path:
-    from tsplat.io import demo_path
-
-    return demo_path() if scene == DEMO else Path(scene)
-
-
 def _load(scene: str, max_splats: int | None, raw_opacity: bool, warm_up: WarmUp | None = None) -> Gaussians:
     from tsplat.io import load
 
     with loading(scene, warm_up) as progress:
-        return load(_path(scene), max_splats=max_splats, raw_opacity=raw_opacity, progress=progress)
+        return load(scene_path(scene), max_splats=max_splats, raw_opacity=raw_opacity, progress=progress)
 
 
 def _options(scene: str, antialias: str, options: dict[str, Any]) -> RenderOptions:
@@ -204,7 +197,7 @@ def _options(scene: str, antialias: str, options: dict[str, Any]) -> RenderOptio
         from tsplat.io import train_focal_beside
 
         wanted = options["antialias"] == "relative"
-        options["train_focal"] = (wanted and train_focal_beside(_path(scene))) or TRAIN_FOCAL_GUESS
+        options["train_focal"] = (wanted and train_focal_beside(scene_path(scene))) or TRAIN_FOCAL_GUESS
     return RenderOptions(depths=False, **options)
 
 

@@ -15,7 +15,7 @@ from tsplat.raster.composite import blend_cell
 from tsplat.raster.prepare import prepared
 from tsplat.raster.tile import CELL_SIZE
 from tsplat.rendering import Rendering, RenderOptions
-from tsplat.scene import SH_COEFFICIENTS, Gaussians
+from tsplat.scene import Gaussians
 
 REPEATS = 7
 ROUNDS = 2000
@@ -60,7 +60,7 @@ def project_bytes(gaussians: Gaussians, rendering: Rendering, options: RenderOpt
     """Return how many bytes the project stage of that frame had to read and to write."""
     scene = prepared(gaussians, options.worker_count)
     read = sum(array.nbytes for array in (scene.means, scene.covars, scene.log2_opacities, scene.base_colors))
-    used = min(SH_COEFFICIENTS[options.sh_degree] - 1, scene.coefficients)
+    used = scene.coefficients_used(options.sh_degree)
     if used:
         read += scene.sh_rest.nbytes * used // scene.coefficients
     room = sum(array.nbytes for array in (scene.records, scene.depth_keys, scene.tiles))

@@ -14,7 +14,6 @@ from tsplat.camera import Camera
 from tsplat.raster.cells import TILE
 from tsplat.raster.prepare import BLOCK, Prepared
 from tsplat.rendering import DEPTH_BITS_IGNORED, JACOBIAN_LIMIT, RenderOptions
-from tsplat.scene import SH_COEFFICIENTS
 
 F32 = npt.NDArray[np.float32]
 I64 = npt.NDArray[np.int64]
@@ -99,7 +98,7 @@ def new_frame(scene: Prepared, camera: Camera, options: RenderOptions, pairs: in
     shared: Frame = scene.last_frame
     return shared._replace(
         numbers=_numbers(camera, options),
-        coefficients=min(SH_COEFFICIENTS[options.sh_degree] - 1, scene.coefficients),
+        coefficients=scene.coefficients_used(options.sh_degree),
         image=Image(
             width,
             height,

@@ -21,7 +21,7 @@ from tsplat._threads import FIRST_FREE, claim, new_team
 from tsplat.raster import record
 from tsplat.raster.buffers import Buffers, aligned
 from tsplat.raster.workers import on_threads
-from tsplat.scene import Gaussians
+from tsplat.scene import SH_COEFFICIENTS, Gaussians
 
 F32 = npt.NDArray[np.float32]
 
@@ -88,6 +88,10 @@ class Prepared:
     last_size: tuple[int, ...] = ()
     last_frame: Any = None
     lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def coefficients_used(self, sh_degree: int) -> int:
+        """Return how many harmonics above the constant one a frame of this degree takes: 0, 3, 8 or 15."""
+        return min(SH_COEFFICIENTS[sh_degree] - 1, self.coefficients)
 
 
 _prepared: WeakKeyDictionary[Gaussians, Prepared] = WeakKeyDictionary()

@@ -206,12 +206,12 @@ def _keep_visible(start, scratch, records, depth_keys, tiles):
             k, row = np.uint64(first + lane), np.int64(kept) * col.LENGTH
             store(records, row, load(scratch, ROWS_BY_SPLAT + lane * col.LENGTH))
             store(records, row + 8, load(scratch, ROWS_BY_SPLAT + lane * col.LENGTH + 8))
-            depth_keys[kept] = _bits(scratch, col.DEPTH, k) >> np.uint64(DEPTH_BITS_IGNORED)
-            tiles[kept] = _bits(scratch, FIRST_TILE, k) | _bits(scratch, LAST_TILE, k) << np.uint64(32)
-            kept += np.uint64(_bits(scratch, SEEN, k) != np.uint64(0))
+            depth_keys[kept] = _word(scratch, col.DEPTH, k) >> np.uint64(DEPTH_BITS_IGNORED)
+            tiles[kept] = _word(scratch, FIRST_TILE, k) | _word(scratch, LAST_TILE, k) << np.uint64(32)
+            kept += np.uint64(_word(scratch, SEEN, k) != np.uint64(0))
     return np.int32(kept - np.uint64(start))
 
 
 @part
-def _bits(scratch, row, k):
+def _word(scratch, row, k):
     return np.uint64(np.float32(scratch[np.uint64(row) * STRIDE + k]).view(np.uint32))
