@@ -16,6 +16,7 @@ from tsplat.raster.prepare import BLOCK, Prepared
 from tsplat.rendering import DEPTH_BITS_IGNORED, JACOBIAN_LIMIT, RenderOptions
 
 F32 = npt.NDArray[np.float32]
+I32 = npt.NDArray[np.int32]
 I64 = npt.NDArray[np.int64]
 
 NEXT_BLOCK, NEXT_TILE = _threads.FIRST_FREE, _threads.FIRST_FREE + 8
@@ -78,10 +79,10 @@ class Frame(NamedTuple):
     order: npt.NDArray[np.int32]
     sorted_tiles: npt.NDArray[np.uint64]
     isect_ids: npt.NDArray[np.int32]
-    sort_counts: I64
-    sort_cursors: I64
-    tile_counts: I64
-    tile_cursors: I64
+    sort_counts: I32
+    sort_cursors: I32
+    tile_counts: I32
+    tile_cursors: I32
     scratch: F32
     touched: npt.NDArray[np.uint16]
     team: I64
@@ -141,10 +142,10 @@ def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs
         order=buffers.array("order", padded, np.int32),
         sorted_tiles=buffers.array("sorted_tiles", padded, np.uint64),
         isect_ids=buffers.array("isect_ids", pairs + SLACK, np.int32),
-        sort_counts=by_worker("sort_counts", BUCKETS, np.int64),
-        sort_cursors=by_worker("sort_cursors", BUCKETS, np.int64),
-        tile_counts=by_worker("tile_counts", tile_count, np.int64),
-        tile_cursors=by_worker("tile_cursors", tile_count, np.int64),
+        sort_counts=by_worker("sort_counts", BUCKETS, np.int32),
+        sort_cursors=by_worker("sort_cursors", BUCKETS, np.int32),
+        tile_counts=by_worker("tile_counts", tile_count, np.int32),
+        tile_cursors=by_worker("tile_cursors", tile_count, np.int32),
         scratch=by_worker("scratch", SCRATCH, np.float32),
         touched=by_worker("touched", BATCH, np.uint16),
         team=_threads.new_team(COUNTERS),
