@@ -75,6 +75,7 @@ class Frame(NamedTuple):
     depth_keys: npt.NDArray[np.uint32]
     tiles: npt.NDArray[np.uint64]
     visible: npt.NDArray[np.int32]
+    bounds: F32
     pairs: npt.NDArray[np.uint64]
     order: npt.NDArray[np.int32]
     sorted_tiles: npt.NDArray[np.uint64]
@@ -138,6 +139,7 @@ def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs
         depth_keys=scene.depth_keys,
         tiles=scene.tiles,
         visible=scene.visible,
+        bounds=scene.bounds,
         pairs=buffers.array("pairs", padded + SLACK, np.uint64),
         order=buffers.array("order", padded, np.int32),
         sorted_tiles=buffers.array("sorted_tiles", padded, np.uint64),
@@ -155,18 +157,28 @@ def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs
 
 
 def _numbers(camera: Camera, options: RenderOptions) -> F32:
-    """Return the world-to-camera matrix, its first three rows, then what `project` names, and the eye."""
+    """Return the world-to-camera matrix, its first three rows, then what `project` names, and the eye.
+
+    The last six are for `in_sight`: where the image ends on the right, left, below and above, as tangents, and how far a
+    splat of scale 1 reaches to the side and up.
+    """
     (fx, _, cx), (_, fy, cy), _ = camera.K.tolist()
     margin = (JACOBIAN_LIMIT - 1.0) * 0.5
     added, reference = options.filter2d(math.sqrt(fx * fy))
-    numbers = np.empty(31, np.float32)
+    u_min, u_max = -cx / fx - margin * camera.width / fx, (camera.width - cx) / fx + margin * camera.width / fx
+    v_min, v_max = -cy / fy - margin * camera.height / fy, (camera.height - cy) / fy + margin * camera.height / fy
+    log2_alpha_min = math.log2(options.alpha_min)
+    extent = min(math.sqrt(-2.0 * math.log(2.0) * log2_alpha_min), options.sigma_extent)
+    spare = 1.0 + extent * math.sqrt(added)  # a pixel more than rounding can take away
+    numbers = np.empty(37, np.float32)
     numbers[:12] = camera.viewmat[:3].ravel()
     numbers[12:28] = (
-        fx, fy, cx, cy,
-        -cx / fx - margin * camera.width / fx, (camera.width - cx) / fx + margin * camera.width / fx,
-        -cy / fy - margin * camera.height / fy, (camera.height - cy) / fy + margin * camera.height / fy,
-        added, reference, options.near_plane, options.far_plane,
-        math.log2(options.alpha_min), options.sigma_extent**2, camera.width - 1, camera.height - 1,
+        fx, fy, cx, cy, u_min, u_max, v_min, v_max, added, reference, options.near_plane, options.far_plane,
+        log2_alpha_min, options.sigma_extent**2, camera.width - 1, camera.height - 1,
     )  # fmt: skip
-    numbers[28:] = camera.eye
+    numbers[28:31] = camera.eye
+    numbers[31:] = (
+        (camera.width - cx + spare) / fx, (cx + spare) / fx, (camera.height - cy + spare) / fy, (cy + spare) / fy,
+        extent * math.hypot(1.0, max(-u_min, u_max)), extent * math.hypot(1.0, max(-v_min, v_max)),
+    )  # fmt: skip
     return numbers

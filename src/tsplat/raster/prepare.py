@@ -28,6 +28,9 @@ F32 = npt.NDArray[np.float32]
 BLOCK = 256
 """Splats projected at a time: their intermediate results stay in the first-level cache."""
 
+BOUNDS = 5
+"""Numbers that say where the splats of a block are, see `Prepared`."""
+
 SH_C0 = 0.28209479177387814
 """The constant basis function of spherical harmonics."""
 
@@ -66,6 +69,8 @@ class Prepared:
         First tile of each record, 16 bits of its column and then of its row; above, the last tile.
     visible : ndarray of int32, [blocks]
         Records of each block.
+    bounds : ndarray of float32, [blocks * 5]
+        Of each block: the middle of its centres, how far any is from there, and the largest scale of a splat.
     buffers : Buffers
         What grows with the image.
     last_size, last_frame
@@ -84,6 +89,7 @@ class Prepared:
     depth_keys: npt.NDArray[np.uint32]
     tiles: npt.NDArray[np.uint64]
     visible: npt.NDArray[np.int32]
+    bounds: F32
     buffers: Buffers = field(default_factory=Buffers)
     last_size: tuple[int, ...] = ()
     last_frame: Any = None
@@ -122,12 +128,13 @@ def _prepare(gaussians: Gaussians, threads: int) -> Prepared:
         depth_keys=aligned(padded, np.uint32),
         tiles=aligned(padded, np.uint64),
         visible=aligned(blocks, np.int32),
+        bounds=aligned(blocks * BOUNDS, np.float32),
     )
     team = new_team(1)
     on_threads(threads, team, _prepare_blocks, _Job(
         team, gaussians.means, gaussians.quats, gaussians.scales, gaussians.opacities, gaussians.sh,
         scene.means, scene.covars, scene.log2_opacities, scene.base_colors, scene.sh_rest,
-        scene.records, scene.depth_keys, scene.tiles,
+        scene.records, scene.depth_keys, scene.tiles, scene.bounds,
     ))  # fmt: skip
     return scene
 
@@ -149,6 +156,7 @@ class _Job(NamedTuple):
     records: F32
     depth_keys: npt.NDArray[np.uint32]
     tiles: npt.NDArray[np.uint64]
+    bounds: F32
 
 
 @kernel
@@ -172,6 +180,7 @@ def _prepare_blocks(worker, job):
                 for entry in range(6):
                     job.covars[entry * padded + i] = np.float32(1.0 if entry in (0, 3, 5) else 0.0)
                 job.log2_opacities[i] = np.float32(INVISIBLE)
+        _bound_block(start, min(start + BLOCK, n), job)
         _pack_harmonics(start, n, job.sh, eight, job.sh_rest)
 
 
@@ -193,6 +202,25 @@ def _prepare_splat(i, padded, job):
     job.covars[3 * padded + i] = yx * yx + yy * yy + yz * yz
     job.covars[4 * padded + i] = yx * zx + yy * zy + yz * zz
     job.covars[5 * padded + i] = zx * zx + zy * zy + zz * zz
+
+
+@part
+def _bound_block(start, end, job):
+    at = start // BLOCK * BOUNDS
+    distance2 = np.float32(0.0)
+    for axis in range(3):
+        low = high = job.means[start, axis]
+        for i in range(start + 1, end):
+            low, high = min(low, job.means[i, axis]), max(high, job.means[i, axis])
+        half = np.float32(0.5) * (high - low)
+        job.bounds[at + axis] = low + half
+        distance2 += half * half
+    job.bounds[at + 3] = math.sqrt(distance2)
+    largest = np.float32(0.0)
+    for i in range(start, end):
+        for axis in range(3):
+            largest = max(largest, job.scales[i, axis])
+    job.bounds[at + 4] = largest
 
 
 @part

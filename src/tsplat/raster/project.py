@@ -18,6 +18,7 @@ from tsplat.raster.cells import TILE
 from tsplat.raster.frame import NEXT_BLOCK
 from tsplat.raster.prepare import BLOCK
 from tsplat.raster.sh import color_eight
+from tsplat.raster.sight import in_sight
 from tsplat.rendering import DEPTH_BITS_IGNORED
 
 LOG2_E = math.log2(math.e)
@@ -47,6 +48,9 @@ def project(worker, frame):
         start = block * BLOCK
         if start >= len(frame.log2_opacities):
             return meet(frame.team, frame.workers)
+        if not in_sight(block, frame.numbers, frame.bounds):
+            frame.visible[block] = 0
+            continue
         _project_block(
             start, frame.numbers, frame.means, frame.covars, frame.log2_opacities, frame.base_colors, scratch
         )

@@ -1,0 +1,51 @@
+"""Whether a block of splats can be seen at all; what lies together in the file is passed over together."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tsplat._jit import part
+from tsplat.raster.prepare import BOUNDS
+
+SPARE = 1e-4
+"""Share of the distances that is added to them, more than rounding can take away."""
+
+
+@part
+def in_sight(block, numbers, bounds):
+    """Return whether any splat of a block may reach into the image.
+
+    A splat does not where, for each edge, its distance beyond the plane through the eye and that edge is more than it reaches.
+    """
+    r00, r01, r02, tx, r10, r11, r12, ty, r20, r21, r22, tz = numbers[:12]
+    right, left, below, above, reach_x, reach_y = numbers[31:37]
+    near, far = numbers[22], numbers[23]
+    at = block * BOUNDS
+    mx, my, mz, radius, scale = bounds[at : at + BOUNDS]
+    x, y, z = (
+        r00 * mx + r01 * my + r02 * mz + tx,
+        r10 * mx + r11 * my + r12 * mz + ty,
+        r20 * mx + r21 * my + r22 * mz + tz,
+    )
+    radius += np.float32(SPARE) * (radius + abs(mx) + abs(my) + abs(mz) + abs(tx) + abs(ty) + abs(tz))
+    reach_x, reach_y = reach_x * scale, reach_y * scale
+    return (
+        z + radius > near
+        and z - radius < far
+        and _beyond(x, z, right) <= reach_x + radius * _length(right)
+        and _beyond(-x, z, left) <= reach_x + radius * _length(left)
+        and _beyond(y, z, below) <= reach_y + radius * _length(below)
+        and _beyond(-y, z, above) <= reach_y + radius * _length(above)
+    )
+
+
+@part
+def _beyond(sideways, forward, tangent):
+    return sideways - tangent * forward
+
+
+@part
+def _length(tangent):
+    return math.sqrt(np.float32(1.0) + tangent * tangent)
