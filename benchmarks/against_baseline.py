@@ -125,7 +125,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("scene", nargs="*", type=Path, help=f"float32 PLY files [{SCENES}/*.ply]")
     parser.add_argument("--baseline", type=Path, default=BASELINE, help="its source [%(default)s]")
     parser.add_argument(
-        "--frames", type=int, default=9, help="least number of frames of each program [%(default)s]"
+        "--frames", type=int, default=27, help="least number of frames of each program [%(default)s]"
     )
     parser.add_argument("--stages", action="store_true", help="print the shortest time of each stage as well")
     chosen = parser.parse_args(arguments)

@@ -9,6 +9,7 @@ from hypothesis.extra import numpy as hnp
 
 from tsplat import _lanes as lanes
 from tsplat._jit import kernel
+from tsplat.raster.buffers import aligned
 
 Eight = np.ndarray
 eight = hnp.arrays(np.float32, 8, elements=st.floats(-100, 100, width=32))
@@ -46,6 +47,11 @@ def _move(x, halves, rows, pixels, transposed):  # type: ignore[no-untyped-def]
     lanes.store_transposed(transposed, 0, 10, x, 0, 8)
 
 
+@kernel
+def _bypass(x, out):  # type: ignore[no-untyped-def]
+    lanes.store_past_caches(out, 8, lanes.load(x, 3))
+
+
 @given(x=eight, y=eight)
 @settings(max_examples=50, deadline=None)
 def test_lanes_do_what_their_names_say(x: Eight, y: Eight) -> None:
@@ -62,6 +68,13 @@ def test_exp2_is_within_its_error() -> None:
     out = np.zeros_like(x)
     _power(x, out)
     np.testing.assert_allclose(out, np.exp2(x.astype(np.float64)), rtol=1e-4)
+
+
+def test_values_that_go_past_the_caches_arrive() -> None:
+    x, out = np.arange(16, dtype=np.float32), aligned(24, np.float32)
+    out[:] = -1
+    _bypass(x, out)
+    np.testing.assert_array_equal(out, [-1] * 8 + list(range(3, 11)) + [-1] * 8)
 
 
 def test_values_move_where_the_names_say() -> None:

@@ -112,6 +112,17 @@ def _store(typingctx: Any, array: Any, offset: Any, value: Any) -> Any:
 
 
 @device
+def _store_past_caches(typingctx: Any, array: Any, offset: Any, value: Any) -> Any:
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        pointer = _vector_pointer(context, builder, sig.args[0], *args[:2])
+        stored = builder.store(args[2], pointer, align=4 * LANES)
+        stored.set_metadata("nontemporal", builder.module.add_metadata([ir.Constant(_INT, 1)]))
+        return context.get_dummy_value()
+
+    return types.void(array, types.int64, float8), codegen
+
+
+@device
 def _fma(typingctx: Any, x: Any, y: Any, z: Any) -> Any:
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return _call(builder, f"llvm.fma.v{LANES}f32", _VECTOR, list(args))
@@ -309,6 +320,12 @@ def load(array: Any, offset: Any) -> Any:
 @_compiled_as(_store)
 def store(array: Any, offset: Any, value: Any) -> None:
     """Put eight values into a flat float32 array from ``offset`` on."""
+    array[offset : offset + LANES] = value
+
+
+@_compiled_as(_store_past_caches)
+def store_past_caches(array: Any, offset: Any, value: Any) -> None:
+    """Put eight values into an array that starts a cache line, from a multiple of eight on, past the caches."""
     array[offset : offset + LANES] = value
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from tsplat.raster.cells import CELL, GRID, TILE, cells_touched
 from tsplat.raster.frame import Frame, new_frame
 from tsplat.raster.prepare import BLOCK, prepared
 from tsplat.raster.project import project
+from tsplat.raster.sight import in_sight
 from tsplat.raster.sort import sort
 from tsplat.raster.workers import on_threads
 from tsplat.rendering import RenderOptions
@@ -28,6 +30,11 @@ from tsplat.scene import Gaussians
 
 MANY = 700 if JIT else 90
 PROJECT, SORT, BIN_TILES = kernel(project), kernel(sort), kernel(bin_tiles)
+
+
+@kernel
+def _in_sight(block, numbers, bounds):  # type: ignore[no-untyped-def]
+    return in_sight(block, numbers, bounds)
 
 
 @kernel
@@ -98,6 +105,47 @@ def test_projected_records_are_those_of_the_reference_in_the_order_of_the_file()
     np.testing.assert_allclose(records[:, record.CONIC_A], folded[:, 0, 0], rtol=2e-4, atol=1e-6)
     np.testing.assert_allclose(records[:, record.CONIC_B], 2 * folded[:, 0, 1], rtol=2e-4, atol=1e-5)
     np.testing.assert_allclose(records[:, record.CONIC_C], folded[:, 1, 1], rtol=2e-4, atol=1e-6)
+
+
+def test_records_are_the_same_past_the_caches() -> None:
+    gaussians, camera = random_gaussians(np.random.default_rng(7), MANY), front_camera()
+    frame, rows = after([PROJECT], gaussians, camera, RenderOptions(threads=1))
+    expected, visible = records_of(frame)[rows].copy(), frame.visible.copy()
+    assert not frame.past_caches
+    frame.records[:] = 0
+    frame.team[:] = 0
+    PROJECT(0, frame._replace(past_caches=True))
+    np.testing.assert_array_equal(frame.visible, visible)
+    np.testing.assert_array_equal(records_of(frame)[rows], expected)
+
+
+@pytest.mark.parametrize("antialias", ["classic", "mip", "relative"])
+def test_a_block_out_of_sight_has_no_splat_in_the_image(antialias: str) -> None:
+    rng = np.random.default_rng(8)
+    options = RenderOptions(antialias=antialias, train_focal=500.0)
+    hidden = 0
+    for _ in range(30 if JIT else 8):
+        many = random_gaussians(rng, 4 * BLOCK if JIT else BLOCK + 9)
+        places = np.repeat(rng.normal(0, 3, (4, 3)), BLOCK, axis=0)[: len(many)]
+        gaussians = replace(many, means=many.means * np.float32(rng.uniform(0.1, 2)) + places)
+        camera = Camera.look_at(
+            rng.normal(0, 2, 3), rng.normal(0, 1, 3), (0, -1, 0), width=64, height=40, fov_y=rng.uniform(20, 110)
+        )
+        frame, _ = after([PROJECT], gaussians, camera, options)
+        unseen = [not _in_sight(block, frame.numbers, frame.bounds) for block in range(len(frame.visible))]
+        hidden += sum(unseen)
+        means2d, depths, conics, opacities = projected(gaussians, camera, options)
+        for block in np.flatnonzero(unseen):
+            assert frame.visible[block] == 0
+            own = slice(block * BLOCK, (block + 1) * BLOCK)
+            ys, xs = np.mgrid[0.5:40:2, 0.5:64:2]
+            ahead = (depths[own] > options.near_plane) & (depths[own] < options.far_plane)
+            alphas = reference._alphas(
+                means2d[own][ahead], conics[own][ahead], opacities[own][ahead],
+                np.stack([xs.ravel(), ys.ravel()], -1), options,
+            )  # fmt: skip
+            assert not (alphas > options.alpha_min).any()
+    assert hidden > (20 if JIT else 2)
 
 
 def test_every_pixel_a_splat_may_touch_lies_in_its_tiles_and_cells() -> None:

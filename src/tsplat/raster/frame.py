@@ -24,6 +24,9 @@ NEXT_BLOCK, NEXT_TILE = _threads.FIRST_FREE, _threads.FIRST_FREE + 8
 
 COUNTERS = 2
 
+CACHES = 24 << 20
+"""Bytes of records that are not expected to be found again in any cache."""
+
 LOW_BITS = 11
 BUCKETS = 1 << (31 - DEPTH_BITS_IGNORED - LOW_BITS)
 """Of the second pass of the sort, which needs more: depths are positive, so there is no sign bit."""
@@ -64,6 +67,7 @@ class Frame(NamedTuple):
     tile_columns: int
     tile_count: int
     workers: int
+    past_caches: bool
     coefficients: int
     coefficients_stored: int
     means: F32
@@ -128,6 +132,7 @@ def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs
         tile_columns=tile_columns,
         tile_count=tile_count,
         workers=workers,
+        past_caches=scene.records.nbytes > CACHES,
         coefficients=0,
         coefficients_stored=scene.coefficients,
         means=scene.means,
@@ -159,8 +164,8 @@ def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs
 def _numbers(camera: Camera, options: RenderOptions) -> F32:
     """Return the world-to-camera matrix, its first three rows, then what `project` names, and the eye.
 
-    The last six are for `in_sight`: where the image ends on the right, left, below and above, as tangents, and how far a
-    splat of scale 1 reaches to the side and up.
+    The last six are for `in_sight`: where the image ends on the right, left, below and above, as tangents, and
+    how far a splat of scale 1 reaches to the side and up.
     """
     (fx, _, cx), (_, fy, cy), _ = camera.K.tolist()
     margin = (JACOBIAN_LIMIT - 1.0) * 0.5

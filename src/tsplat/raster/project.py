@@ -11,7 +11,7 @@ import numpy as np
 
 from tsplat._bits import lanes_at_least
 from tsplat._jit import part
-from tsplat._lanes import load, splat, store, store_transposed
+from tsplat._lanes import load, splat, store, store_past_caches, store_transposed
 from tsplat._threads import claim, meet
 from tsplat.raster import record as col
 from tsplat.raster.cells import TILE
@@ -60,18 +60,23 @@ def project(worker, frame):
                 if lanes_at_least(load(scratch, SEEN * BLOCK + first), half) != 0:
                     color_eight(start + first, frame.coefficients, frame.coefficients_stored, eye, frame.means,
                                 frame.base_colors, frame.sh_rest, scratch, col.RED * BLOCK + first)  # fmt: skip
-        frame.visible[block] = _keep_visible(start, scratch, frame.records, frame.depth_keys, frame.tiles)
+        frame.visible[block] = _keep_visible(
+            start, scratch, frame.past_caches, frame.records, frame.depth_keys, frame.tiles
+        )
 
 
 @part
 def _project_block(start, numbers, means, covars, log2_opacities, base_colors, scratch):
     """Branch-free and over plain arrays, so that LLVM makes vectors of it.
 
-    Four loops in place of one: each is short enough for the processor to have several of its rounds under way.
+    A few loops in place of one: each is short enough for the processor to have several of its rounds under way.
     """
     _project_means(start, numbers, means, scratch)
     _project_covars(start, numbers, covars, scratch)
-    _shape_splats(start, numbers, log2_opacities, scratch)
+    _fill_opacities(start, log2_opacities, scratch)
+    if numbers[20] != numbers[21]:
+        _compensate_opacities(numbers, scratch)
+    _shape_splats(numbers, scratch)
     _place_splats(start, numbers, base_colors, scratch)
 
 
@@ -116,24 +121,35 @@ def _project_covars(start, numbers, covars, scratch):
 
 
 @part
-def _shape_splats(start, numbers, log2_opacities, scratch):
-    """Widen the 2D covariance, and fill all that follows from it and the opacity alone."""
-    added, reference, log2_alpha_min, squared_extent = numbers[20], numbers[21], numbers[24], numbers[25]
-    one, half, two_ln2, fold = (
-        np.float32(1.0),
-        np.float32(0.5),
-        np.float32(2.0 / LOG2_E),
-        np.float32(-0.5 * LOG2_E),
-    )
+def _fill_opacities(start, log2_opacities, scratch):
     for j in range(BLOCK):
-        i, k = np.uint64(start + j), np.uint64(j)
+        scratch[np.uint64(col.LOG2_OPACITY) * STRIDE + np.uint64(j)] = log2_opacities[np.uint64(start + j)]
+
+
+@part
+def _compensate_opacities(numbers, scratch):
+    """Take from the opacity what widening beyond the reference adds to the area; classic rendering adds none."""
+    added, reference, half = numbers[20], numbers[21], np.float32(0.5)
+    for j in range(BLOCK):
+        k = np.uint64(j)
         a, b = scratch[np.uint64(A) * STRIDE + k], scratch[np.uint64(B) * STRIDE + k]
         d = scratch[np.uint64(D) * STRIDE + k]
-        determinant_reference = (a + reference) * (d + reference) - b * b
-        a, d = a + added, d + added
+        share = ((a + reference) * (d + reference) - b * b) / ((a + added) * (d + added) - b * b)
+        scratch[np.uint64(col.LOG2_OPACITY) * STRIDE + k] += half * _log2(max(share, np.float32(1e-12)))
+
+
+@part
+def _shape_splats(numbers, scratch):
+    """Widen the 2D covariance, and fill all that follows from it and the opacity alone."""
+    added, log2_alpha_min, squared_extent = numbers[20], numbers[24], numbers[25]
+    one, two_ln2, fold = np.float32(1.0), np.float32(2.0 / LOG2_E), np.float32(-0.5 * LOG2_E)
+    for j in range(BLOCK):
+        k = np.uint64(j)
+        a, b = scratch[np.uint64(A) * STRIDE + k] + added, scratch[np.uint64(B) * STRIDE + k]
+        d = scratch[np.uint64(D) * STRIDE + k] + added
         determinant = a * d - b * b
         inverse, inverse_d = one / determinant, one / d
-        log2_opacity = log2_opacities[i] + half * _log2(max(determinant_reference * inverse, np.float32(1e-12)))
+        log2_opacity = scratch[np.uint64(col.LOG2_OPACITY) * STRIDE + k]
         squared_radius = min(two_ln2 * (log2_opacity - log2_alpha_min), squared_extent)
         variance = determinant * inverse_d
         scratch[np.uint64(A) * STRIDE + k], scratch[np.uint64(D) * STRIDE + k] = a, d
@@ -141,7 +157,6 @@ def _shape_splats(start, numbers, log2_opacities, scratch):
         scratch[np.uint64(col.CONIC_A) * STRIDE + k] = fold * d * inverse
         scratch[np.uint64(col.CONIC_B) * STRIDE + k] = -(fold + fold) * b * inverse
         scratch[np.uint64(col.CONIC_C) * STRIDE + k] = fold * a * inverse
-        scratch[np.uint64(col.LOG2_OPACITY) * STRIDE + k] = log2_opacity
         scratch[np.uint64(col.LOG2_CUT) * STRIDE + k] = max(log2_alpha_min, log2_opacity + fold * squared_extent)
         scratch[np.uint64(col.SLOPE) * STRIDE + k] = b * inverse_d
         scratch[np.uint64(col.HALF_WIDTH2) * STRIDE + k] = variance * squared_radius
@@ -197,23 +212,40 @@ def _log2(x):
 
 
 @part
-def _keep_visible(start, scratch, records, depth_keys, tiles):
+def _keep_visible(start, scratch, past_caches, records, depth_keys, tiles):
     """Write the record of each splat that covers the centre of a pixel; return how many there are.
 
-    Every record is written where the next visible one belongs, so there is nothing to mispredict.
+    Every record is written where the next visible one belongs, so there is nothing to mispredict. Where all are
+    more than the caches hold, they go past them, unless some would be overwritten.
     """
     kept = np.uint64(start)
+    half = splat(np.float32(0.5))
     for first in range(0, BLOCK, 8):
-        for half in range(0, col.LENGTH, 8):
-            store_transposed(scratch, ROWS_BY_SPLAT + half, col.LENGTH, scratch, half * BLOCK + first, BLOCK)
+        for column in range(0, col.LENGTH, 8):
+            store_transposed(scratch, ROWS_BY_SPLAT + column, col.LENGTH, scratch, column * BLOCK + first, BLOCK)
+        if past_caches and lanes_at_least(load(scratch, SEEN * BLOCK + first), half) == 0xFF:
+            for half_row in range(0, 8 * col.LENGTH, 8):
+                store_past_caches(
+                    records, np.int64(kept) * col.LENGTH + half_row, load(scratch, ROWS_BY_SPLAT + half_row)
+                )
+        else:
+            row = kept
+            for lane in range(8):
+                at = np.int64(row) * col.LENGTH
+                store(records, at, load(scratch, ROWS_BY_SPLAT + lane * col.LENGTH))
+                store(records, at + 8, load(scratch, ROWS_BY_SPLAT + lane * col.LENGTH + 8))
+                row += _seen(scratch, np.uint64(first + lane))
         for lane in range(8):
-            k, row = np.uint64(first + lane), np.int64(kept) * col.LENGTH
-            store(records, row, load(scratch, ROWS_BY_SPLAT + lane * col.LENGTH))
-            store(records, row + 8, load(scratch, ROWS_BY_SPLAT + lane * col.LENGTH + 8))
+            k = np.uint64(first + lane)
             depth_keys[kept] = _word(scratch, col.DEPTH, k) >> np.uint64(DEPTH_BITS_IGNORED)
             tiles[kept] = _word(scratch, FIRST_TILE, k) | _word(scratch, LAST_TILE, k) << np.uint64(32)
-            kept += np.uint64(_word(scratch, SEEN, k) != np.uint64(0))
+            kept += _seen(scratch, k)
     return np.int32(kept - np.uint64(start))
+
+
+@part
+def _seen(scratch, k):
+    return np.uint64(_word(scratch, SEEN, k) != np.uint64(0))
 
 
 @part

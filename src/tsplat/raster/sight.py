@@ -1,4 +1,4 @@
-"""Whether a block of splats can be seen at all; what lies together in the file is passed over together."""
+"""Whether any splat of a block can be seen: those that lie together in the file are passed over together."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SPARE = 1e-4
 def in_sight(block, numbers, bounds):
     """Return whether any splat of a block may reach into the image.
 
-    A splat does not where, for each edge, its distance beyond the plane through the eye and that edge is more than it reaches.
+    None does where the nearest of them is farther beyond the plane through the eye and an edge than it reaches.
     """
     r00, r01, r02, tx, r10, r11, r12, ty, r20, r21, r22, tz = numbers[:12]
     right, left, below, above, reach_x, reach_y = numbers[31:37]
