@@ -108,10 +108,12 @@ def command() -> None:
 @_shared(
     "up", "antialias", "sh-degree", "background", "fov-y", "train-focal", "max-splats", "raw-opacity", "threads"
 )
+@click.option("--latency", type=click.FloatRange(10, 10_000), default=100, show_default=True, metavar="MS",
+              help="How long a frame may take on its way while the view moves.")
 @click.option("--width", type=click.IntRange(1, 1000), metavar="COLUMNS",
               help="Columns of a printed picture. [COLUMNS, else 80]")  # fmt: skip
 @click.option("--height", type=click.IntRange(1, 1000), metavar="ROWS", help="Rows of a printed picture.")
-def view(scene: str, output: str | None, up: Vector | None, fov_y: float, raw_opacity: bool,
+def view(scene: str, output: str | None, up: Vector | None, fov_y: float, raw_opacity: bool, latency: float,
          width: int | None, height: int | None, **options: Any) -> None:  # fmt: skip
     """Open SCENE, or the demo, in the viewer: the default command; print one picture when piped."""
     printing = not sys.stdout.isatty()
@@ -126,8 +128,9 @@ def view(scene: str, output: str | None, up: Vector | None, fov_y: float, raw_op
     from tsplat import viewer
 
     return viewer.view(
-        gaussians, chosen, name=Path(scene).stem, output=output, up=up, fov_y=fov_y, raw_opacity=raw_opacity
-    )
+        gaussians, chosen, name=Path(scene).stem, output=output, up=up, fov_y=fov_y, raw_opacity=raw_opacity,
+        latency=1e-3 * latency,
+    )  # fmt: skip
 
 
 @command.command(cls=Triples)

@@ -14,7 +14,7 @@ from tsplat._jit import Progress
 from tsplat.encode import EncodedFrame
 from tsplat.errors import SaveError
 from tsplat.rendering import RenderOptions
-from tsplat.terminal.keys import Event, Key, Mouse, Resize, TerminalSize
+from tsplat.terminal.keys import Answered, Event, Key, Mouse, Resize, TerminalSize
 from tsplat.terminal.probe import Profile
 from tsplat.viewer.loop import REST_SECONDS, Viewer
 from tsplat.viewer.picture import Drawn, Painter
@@ -26,11 +26,13 @@ class FakeTerminal:
     """Hands out one batch of events after another, then q; keeps what was written and waited for."""
 
     profile = Profile(program="fake", version="1")
+    question = b"(answer!)"
 
     def __init__(self, *batches: Sequence[Event]) -> None:
         self.batches: list[Sequence[Event]] = [*batches, [Key("q")]]
         self.written: list[bytes] = []
         self.waits: list[float] = []
+        self.asked = 0
         self.suspended = 0
         self.starting = True
 
@@ -38,6 +40,9 @@ class FakeTerminal:
         if timeout == 0.0 and self.starting:
             return []
         self.starting = False
+        if self.asked:
+            answers, self.asked = [Answered()] * self.asked, 0
+            return answers
         self.waits.append(timeout)
         assert len(self.waits) < 500, "the loop never comes to rest"
         if timeout < 1.0:
@@ -46,7 +51,10 @@ class FakeTerminal:
         return list(self.batches.pop(0))
 
     def write(self, screen: bytes) -> None:
-        self.written.append(screen)
+        assert screen.endswith(self.question)
+        self.asked += 1
+        if screen != self.question:
+            self.written.append(screen.removesuffix(self.question))
 
     def synchronized(self, screen: bytes) -> bytes:
         return b"<" + screen + b">"
@@ -62,6 +70,9 @@ class FakeEncoder:
     def clear(self) -> bytes:
         return f"(clear {self.name})".encode()
 
+    def forget(self, cells: object) -> None:
+        pass
+
 
 class FakePainter(Painter):
     """Counts instead of drawing."""
@@ -74,12 +85,14 @@ class FakePainter(Painter):
     def warm_up(self, state: ViewerState) -> None:
         pass
 
-    def draw(self, state: ViewerState) -> Drawn:
+    def draw(self, state: ViewerState, density: float = 1.0) -> Drawn:
         self.views.append(state)
         self.choose(state)
-        return Drawn(np.zeros((2, 2, 3), np.uint8), 7, {"project": 1.0})
+        return Drawn(np.zeros((2, 2, 3), np.uint8), 7, {"project": 1.0}, density)
 
-    def encode(self, state: ViewerState, frame: object, spans: Sequence[Span]) -> tuple[EncodedFrame, bytes]:  # noqa: ARG002
+    def encode(
+        self, state: ViewerState, frame: object, spans: Sequence[Span], fidelity: float = 1.0  # noqa: ARG002
+    ) -> tuple[EncodedFrame, bytes]:
         return EncodedFrame(b"(upload)", f"(draw {state.output})".encode()), painted(spans)
 
     def choose(self, state: ViewerState) -> FakeEncoder:  # type: ignore[override]
@@ -242,7 +255,7 @@ def test_below_sixel_the_screen_has_the_scenes_background(tmp_path: Path) -> Non
 
 def test_an_error_while_drawing_is_not_swallowed(tmp_path: Path) -> None:
     class Broken(FakePainter):
-        def draw(self, state: ViewerState) -> Drawn:  # noqa: ARG002
+        def draw(self, state: ViewerState, density: float = 1.0) -> Drawn:  # noqa: ARG002
             raise ZeroDivisionError
 
     with pytest.raises(ZeroDivisionError):

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from tsplat.rendering import RenderOptions, available_processors
 from tsplat.scene import Gaussians
+from tsplat.terminal.pacing import LATENCY, Pacer
 
 __all__ = ["view"]
 
@@ -22,6 +23,7 @@ def view(
     up: tuple[float, float, float] | None = None,
     fov_y: float = 55.0,
     raw_opacity: bool = False,
+    latency: float = LATENCY,
 ) -> None:
     """Open the viewer; it returns when the person quits, with the terminal as it was.
 
@@ -41,6 +43,8 @@ def view(
         Vertical field of view in degrees.
     raw_opacity : bool
         Whether the scene was loaded with raw opacities.
+    latency : float
+        Seconds that a frame may take on its way while the view moves; less of it is sent where it would take longer.
 
     Raises
     ------
@@ -79,4 +83,5 @@ def view(
             message=GREETING,
         )
         painter = Painter(SceneVariants(gaussians, raw_opacity=raw_opacity))
-        Viewer(session, painter, state, f"tsplat-{name}", Path.cwd()).run()
+        pacer = Pacer(latency, remote=session.profile.remote)
+        Viewer(session, painter, state, f"tsplat-{name}", Path.cwd(), pacer).run()

@@ -1,19 +1,25 @@
-"""The thin shell around the pure core: poll, update, draw, one write a frame."""
+"""The thin shell around the pure core: poll, update, draw, one write a frame.
+
+While something changes, frames are as good as the link to the terminal allows, and none is sent before those on
+their way have arrived. Once nothing changes, the last one is replaced by the whole picture, piece by piece.
+"""
 
 from __future__ import annotations
 
 import time
 from collections import deque
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Protocol
 
 from tsplat.errors import SaveError
-from tsplat.terminal.keys import Event
+from tsplat.terminal.keys import Answered, Event
+from tsplat.terminal.pacing import FULL, STALL_SECONDS, Pacer, Quality
 from tsplat.terminal.probe import Profile
 from tsplat.viewer.hud import Measured, layout
-from tsplat.viewer.picture import Drawn, Painter, empty_cell, free_path
+from tsplat.viewer.picture import HOME, Drawn, Painter, empty_cell, free_path
 from tsplat.viewer.spans import Span, erased
 from tsplat.viewer.state import Notice, Tick, ViewerState, overlay, picture
 from tsplat.viewer.update import update
@@ -24,7 +30,7 @@ REST_SECONDS = 3600.0
 NOTICE_SECONDS = 0.2
 """A start that is quicker than this shows no notice."""
 
-HOME, ERASE_SCREEN = b"\x1b[H", b"\x1b[2J"
+ERASE_SCREEN = b"\x1b[2J"
 STARTING = "starting"
 
 
@@ -32,6 +38,7 @@ class Terminal(Protocol):
     """What the loop needs of `tsplat.terminal.Session`."""
 
     profile: Profile
+    question: bytes
 
     def events(self, timeout: float) -> list[Event]: ...
     def write(self, screen: bytes) -> None: ...
@@ -41,12 +48,13 @@ class Terminal(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Screen:
-    """What was written last: the seen part of the state, its text, and how the picture got there."""
+    """What was written last: the seen part of the state, its text, how the picture got there, and how good it is."""
 
     seen: tuple[object, ...]
     spans: list[Span]
     drawn: Drawn
     picture: ViewerState
+    quality: Quality
 
 
 class Viewer:
@@ -64,11 +72,24 @@ class Viewer:
         What pictures saved by P are called.
     folder : Path
         Where they go.
+    pacer : Pacer, optional
+        Says when the next frame may be sent and how good it may be.
     """
 
-    def __init__(self, session: Terminal, painter: Painter, state: ViewerState, name: str, folder: Path) -> None:
+    def __init__(
+        self,
+        session: Terminal,
+        painter: Painter,
+        state: ViewerState,
+        name: str,
+        folder: Path,
+        pacer: Pacer | None = None,
+    ) -> None:
         self.session, self.painter, self.state = session, painter, state
         self.name, self.folder = name, folder
+        self.pacer = pacer or Pacer()
+        self.pieces: Iterator[bytes] | None = None
+        self.next_frame = 0.0
         self.screen: Screen | None = None
         self.intervals: deque[float] = deque(maxlen=20)
         self.last_start = 0.0
@@ -78,22 +99,36 @@ class Viewer:
     def run(self) -> None:
         """Draw and obey until a key ends it."""
         self.warm_up()
+        self.send(b"")  # how long the way is shows best on a frame of nothing
         last_tick: float | None = None
-        due = 0.0
         while self.state.running:
-            now = time.perf_counter()
-            if self.changed and now >= due:
-                due = now + FRAME_SECONDS
-                self.show(now)
+            wait = self.step(time.perf_counter())
+            if not wait:
                 continue
-            idle = not (self.changed or self.state.moving)
-            self.rested |= idle
-            self.take(self.session.events(REST_SECONDS if idle else max(0.0, due - now)))
+            self.take(self.session.events(wait))
             now = time.perf_counter()
             if self.state.moving:
                 # The first tick after a rest stands for one frame, so that a key acts at once.
                 self.state = update(self.state, Tick(now - last_tick if last_tick else FRAME_SECONDS))
             last_tick = now if self.state.moving else None
+
+    def step(self, now: float) -> float:
+        """Send what is due; return how many seconds there is nothing to send, 0 when something was sent."""
+        unfinished = self.screen is not None and self.screen.quality != FULL and not self.state.moving
+        if not self.changed and not unfinished:
+            self.rested |= not self.state.moving
+            if self.state.moving:
+                return FRAME_SECONDS
+            return STALL_SECONDS if self.pacer.waiting and self.pacer.due(now) else REST_SECONDS
+        due = max(self.next_frame, self.pacer.due(now))
+        if due > now:
+            return due - now
+        self.next_frame = now + FRAME_SECONDS
+        if self.changed:
+            self.show(now)
+        else:
+            self.refine()
+        return 0.0
 
     @property
     def changed(self) -> bool:
@@ -103,6 +138,9 @@ class Viewer:
     def take(self, events: list[Event]) -> None:
         """Obey events; do what a state can only ask for."""
         for event in events:
+            if isinstance(event, Answered):
+                self.pacer.answered(time.perf_counter())
+                continue
             before, self.state = self.state, update(self.state, event)
             if self.state.pictures != before.pictures:
                 self.save_picture()
@@ -120,36 +158,64 @@ class Viewer:
         self.state = update(self.state, Notice(text))
 
     def show(self, start: float) -> None:
-        """Draw the state: one write, the picture first and the text above it."""
-        state, screen = self.state, self.screen
+        """Draw the state as well as the link allows: one write, the picture first and the text above it."""
+        state, screen, quality = self.state, self.screen, self.pacer.quality
+        abandoned = self.painter.abandon() if self.pieces else b""
+        self.pieces = None
         fresh = self._fresh_screen()
-        drawn = self._drawn(picture(state))
+        drawn = self._drawn(picture(state), quality)
         spans = layout(state, self.measured(drawn, start))
         before_encode = time.perf_counter()
-        encoded, text = self.painter.encode(state, drawn.frame, spans)
+        encoded, text = self.painter.encode(state, drawn.frame, spans, quality.fidelity)
         stale = erased(screen.spans, spans, empty_cell(state)) if screen and not fresh else b""
         body = self.session.synchronized(stale + HOME + encoded.draw + text)
         before_write = time.perf_counter()
-        self.session.write(fresh + encoded.upload + body)
+        size = self.send(abandoned + fresh + encoded.upload + body)
         end = time.perf_counter()
+        self.pacer.adapt(size, before_write - start)
         self.last_ms = {"encode": 1e3 * (before_write - before_encode), "write": 1e3 * (end - before_write)}
         if self.rested:
             self.intervals.clear()
         else:
             self.intervals.append(start - self.last_start)
         self.last_start, self.rested = start, False
-        self.screen = Screen(_seen(state), spans, drawn, picture(state))
+        self.screen = Screen(_seen(state), spans, drawn, picture(state), quality)
 
-    def _drawn(self, wanted: ViewerState) -> Drawn:
-        if self.screen and self.screen.picture == wanted:
-            return self.screen.drawn
-        return self.painter.draw(self.state)
+    def refine(self) -> None:
+        """Send the next piece of the whole picture."""
+        assert self.screen is not None
+        if self.pieces is None:
+            drawn = self._drawn(picture(self.state), FULL)
+            self.screen = replace(self.screen, drawn=drawn)
+            most = self.pacer.budget()
+            self.pieces = self.painter.pieces(self.state, drawn.frame, self.screen.spans, most)
+        piece = next(self.pieces, None)
+        if piece is None:
+            self.pieces, self.screen = None, replace(self.screen, quality=FULL)
+        else:
+            self.send(piece if self.painter.divisible else self.session.synchronized(piece))
+
+    def send(self, screen: bytes) -> int:
+        """Write with a question behind it; return how many bytes that were."""
+        asked = screen + self.session.question
+        # Noted before, for the writing itself waits where the link is slow.
+        self.pacer.sent(time.perf_counter(), len(asked))
+        self.session.write(asked)
+        return len(asked)
+
+    def _drawn(self, wanted: ViewerState, quality: Quality) -> Drawn:
+        screen = self.screen
+        if screen and screen.picture == wanted and screen.drawn.density == quality.density:
+            return screen.drawn
+        return self.painter.draw(self.state, quality.density)
 
     def _fresh_screen(self) -> bytes:
         """Return what empties the screen before its first picture, after resizing and between outputs."""
         last, old = self.screen, self.painter.encoder
         if last and old and old.name == self.state.output and last.seen[-1] == self.state.screens:
             return b""
+        if old:
+            old.forget(None)
         return (old.clear() if old else b"") + empty_cell(self.state) + ERASE_SCREEN
 
     def measured(self, drawn: Drawn, start: float) -> Measured:

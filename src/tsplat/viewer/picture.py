@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,15 +12,18 @@ import numpy.typing as npt
 from tsplat import images
 from tsplat.camera import MAX_SIDE, Camera
 from tsplat.encode import FALLBACK_CELL, EncodedFrame, Encoder, encoder
+from tsplat.encode.pieces import pieces
 from tsplat.rendering import Rendering
 from tsplat.terminal.keys import TerminalSize
 from tsplat.viewer.scenes import SceneVariants
-from tsplat.viewer.spans import Span, painted, shaded
+from tsplat.viewer.spans import Span, covered, painted, shaded
 from tsplat.viewer.state import ViewerState
 from tsplat.warmup import SIDE, draw_tiny
 
 F32 = npt.NDArray[np.float32]
 U8 = npt.NDArray[np.uint8]
+
+HOME = b"\x1b[H"
 
 LUMA = np.array([0.2126, 0.7152, 0.0722], np.float32)
 """How bright each primary looks, ITU-R BT.709."""
@@ -40,11 +43,14 @@ class Drawn:
         Splats that touch the image.
     stage_ms : dict of str to float
         Milliseconds by stage.
+    density : float
+        Of the pixels that the state asks for, along either side.
     """
 
     frame: U8
     visible: int
     stage_ms: dict[str, float]
+    density: float = 1.0
 
 
 class Painter:
@@ -60,21 +66,56 @@ class Painter:
         draw_tiny(replace(state.options, depths=False))
         chosen.encode(np.zeros((SIDE, SIDE, 3), np.uint8), 4, 2, FALLBACK_CELL)
 
-    def draw(self, state: ViewerState) -> Drawn:
-        """Render a frame of the size that the output needs."""
-        rendering = self.render(state, *frame_size(state, self.choose(state)))
+    def draw(self, state: ViewerState, density: float = 1.0) -> Drawn:
+        """Render a frame of the size that the output needs, or a share of it along either side."""
+        sparse = replace(state, density=state.density * density)
+        rendering = self.render(state, *frame_size(sparse, self.choose(state)))
         frame = images.quantize(saturated(rendering.colors, state.saturation))
-        return Drawn(frame, rendering.visible, rendering.stage_ms)
+        return Drawn(frame, rendering.visible, rendering.stage_ms, density)
 
-    def encode(self, state: ViewerState, frame: U8, spans: Sequence[Span]) -> tuple[EncodedFrame, bytes]:
+    def encode(
+        self, state: ViewerState, frame: U8, spans: Sequence[Span], fidelity: float = 1.0
+    ) -> tuple[EncodedFrame, bytes]:
         """Return a frame as bytes, and the bytes that put text over it."""
         columns, rows = state.size.columns, picture_rows(state.size, state.output)
-        pictures_under_text = state.output == "kitty"
-        if pictures_under_text and spans:
-            # Some kitty versions blend backgrounds over a picture wrongly; those in the picture are right.
-            frame = shaded(frame, spans, columns, rows)
-        encoded = self.choose(state).encode(frame, columns, rows, state.size.cell_size)
-        return encoded, painted(spans, backgrounds=not pictures_under_text)
+        chosen = self.choose(state)
+        chosen.fidelity = fidelity
+        encoded = chosen.encode(self._under_text(state, frame, spans), columns, rows, state.size.cell_size)
+        chosen.forget(covered(spans, columns, rows))
+        return encoded, painted(spans, backgrounds=state.output != "kitty")
+
+    def pieces(self, state: ViewerState, frame: U8, spans: Sequence[Span], size: int) -> Iterator[bytes]:
+        """Yield a frame in pieces of about ``size`` bytes; see `tsplat.encode.pieces`. The text comes with the last.
+
+        Text that is on screen stays there: pictures in bands are followed by what they covered of it.
+        """
+        columns, rows = state.size.columns, picture_rows(state.size, state.output)
+        chosen = self.choose(state)
+        chosen.fidelity = 1.0
+        whole = self._under_text(state, frame, spans)
+        text = painted(spans, backgrounds=state.output != "kitty")
+        start = HOME
+        for piece in pieces(chosen, whole, columns, rows, state.size.cell_size, size):
+            yield start + piece + (b"" if chosen.divisible else text)
+            start = b"" if chosen.divisible else HOME
+        if text:
+            yield text
+        chosen.forget(covered(spans, columns, rows))
+
+    @property
+    def divisible(self) -> bool:
+        """Whether pieces of a frame are parts of one update, not updates of their own."""
+        return self.encoder is not None and self.encoder.divisible
+
+    def abandon(self) -> bytes:
+        """Return what ends the pieces sent so far, when the rest of them will not follow."""
+        return self.encoder.abandon() if self.encoder else b""
+
+    def _under_text(self, state: ViewerState, frame: U8, spans: Sequence[Span]) -> U8:
+        """Return a frame with the backgrounds of the text in it, where some terminals blend them wrongly over it."""
+        if state.output != "kitty" or not spans:
+            return frame
+        return shaded(frame, spans, state.size.columns, picture_rows(state.size, state.output))
 
     def choose(self, state: ViewerState) -> Encoder:
         """Return the encoder of the state's output."""

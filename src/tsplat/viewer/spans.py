@@ -113,6 +113,15 @@ def shaded(frame: U8, spans: Iterable[Span], columns: int, rows: int) -> U8:
     return frame
 
 
+def covered(spans: Iterable[Span], columns: int, rows: int) -> npt.NDArray[np.bool_]:
+    """Return which cells of a picture of ``columns`` x ``rows`` have text over them, [rows, columns]."""
+    under = np.zeros((rows, columns), bool)
+    for row, column, text, _ in spans:
+        if row < rows:
+            under[row, column : column + width_of(text)] = True
+    return under
+
+
 def erased(old: Iterable[Span], new: Iterable[Span], colors: bytes = b"\x1b[0m") -> bytes:
     """Return the bytes that blank every cell that ``old`` covered and ``new`` does not, in these colours."""
     stale = _cells(old) - _cells(new)
