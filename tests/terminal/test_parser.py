@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsplat.terminal.keys import Event, Focus, Key, Mouse
+from tsplat.terminal.keys import Answered, Event, Focus, Key, Mouse
 from tsplat.terminal.parser import Parser, PixelReport
 
 SEQUENCES: dict[bytes, list[Event | PixelReport]] = {
@@ -66,6 +66,8 @@ SEQUENCES: dict[bytes, list[Event | PixelReport]] = {
     b"\x1b[?62;4;22c\x1b[?2026;2$y\x1b[?5u\x1b[24;80R": [],
     b"\x1bP>|kitty(0.26.5)\x1b\\\x1b_Gi=31;OK\x1b\\\x1b]11;rgb:0000/0000/0000\x07q": [Key("q")],
     b"\x1b[6;20;10t\x1b[4;480;800t\x1b[8;24;80t": [PixelReport(6, 10, 20), PixelReport(4, 800, 480)],
+    b"a\x1b[0nb\x1b[3n\x1b[?0n": [Key("a"), Answered(), Key("b")],
+    b"\x1b[200~q\x1b[0nq\x1b[201~": [Answered()],
     b"\x1b[200~q\x03\x1b[A\x1b[201~x": [Key("x")],
     b"\xff\xc3(\x80z": [Key("("), Key("z")],
 }

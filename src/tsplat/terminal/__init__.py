@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from tsplat.terminal.keys import Event, Focus, Key, Mouse, Resize, TerminalSize
+from tsplat.terminal.keys import Answered, Event, Focus, Key, Mouse, Resize, TerminalSize
 from tsplat.terminal.probe import Profile, choose_output, detect, outputs
 from tsplat.terminal.session import Session
 
 __all__ = [
+    "Answered",
     "Event",
     "Focus",
     "Key",

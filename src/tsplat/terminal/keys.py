@@ -1,4 +1,4 @@
-"""What a person does at the terminal, as plain values: keys, mouse, resizing, focus."""
+"""What comes from the terminal, as plain values: keys, mouse, resizing, focus, and answers to frames."""
 
 from __future__ import annotations
 
@@ -94,4 +94,9 @@ class Focus:
     gained: bool
 
 
-Event = Key | Mouse | Resize | Focus
+@dataclass(frozen=True, slots=True)
+class Answered:
+    """The terminal has come to a `Session.question`: all that was written before it is on screen."""
+
+
+Event = Key | Mouse | Resize | Focus | Answered

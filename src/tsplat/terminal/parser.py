@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from tsplat.terminal.keys import Event, Focus, Key, KeyAction, Mouse, MouseAction, MouseButton
+from tsplat.terminal.keys import Answered, Event, Focus, Key, KeyAction, Mouse, MouseAction, MouseButton
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +84,7 @@ class Parser:
             sequence, position = text[position:end], end
             if sequence in (_PASTE_START, _PASTE_END):
                 self._pasting = sequence == _PASTE_START
-            elif event is not None and not self._pasting:
+            elif event is not None and (not self._pasting or isinstance(event, Answered)):
                 events.append(event)
         self._rest = text[position:]
         return events
@@ -149,6 +149,8 @@ class Parser:
             return self._as_pressed(-numbers[0], _named(_TILDES.get(numbers[0]), modifiers, action))
         if final == "t" and len(numbers) == 3 and numbers[0] in (4, 6):
             return PixelReport(numbers[0], width=numbers[2], height=numbers[1])
+        if final == "n":
+            return Answered() if numbers == [0] else None
         if final in "IO" and not parameters:
             return Focus(final == "I")
         if final == "Z":

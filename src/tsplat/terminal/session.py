@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from tsplat.errors import TerminalError
 from tsplat.terminal import probe
-from tsplat.terminal.keys import Event, Resize, TerminalSize
+from tsplat.terminal.keys import Answered, Event, Resize, TerminalSize
 from tsplat.terminal.modes import SCREEN, UNFINISHED, reports_pixels, turn_off, turn_on
 from tsplat.terminal.parser import Parser, PixelReport
 from tsplat.terminal.probe import Profile
@@ -24,6 +24,12 @@ if TYPE_CHECKING:
 
 ESCAPE_DELAY = 0.05
 """Seconds after which an escape with nothing behind it was the key; SSH delivers sequences in one piece."""
+
+STALL_SECONDS = 60.0
+"""Seconds after which a terminal that takes nothing is given up: a line that hangs may come back before."""
+
+FAREWELL_SECONDS = 1.0
+"""Seconds to wait for a terminal to take what gives it back; one that takes nothing holds nobody up."""
 
 _FALLBACK_SIZE = (80, 24)
 
@@ -48,6 +54,9 @@ class Session:
     ----------
     profile : Profile
         What the terminal can do; known once entered.
+    question : bytes
+        Written behind a frame, it comes back as an `Answered` when the terminal has got so far. Answers
+        to questions from before a `Resize` may never come: the terminal was given back in between.
 
     Raises
     ------
@@ -55,11 +64,15 @@ class Session:
         On entering: there is no terminal.
     """
 
+    question = b"\x1b[5n"
+
     def __init__(self, profile: Profile | None = None, environment: Mapping[str, str] = os.environ) -> None:
         self.profile = profile or Profile()
         self._known, self._environment = profile is not None, environment
         self._parser, self._writing = Parser(), False
         self._waiting: list[Event] = []
+        self._signalled: set[int] = set()
+        self._unanswered = 0
         self._cell_size: tuple[int, int] | None = None
         self._device: Device
         self._signals: Signals
@@ -101,10 +114,13 @@ class Session:
             The terminal went away.
         """
         deadline = time.monotonic() + timeout
+        if self._signalled:
+            self._heed()
         while not self._waiting:
             ready = self._ready(max(0.0, deadline - time.monotonic()))
             if self._signals in ready:
-                self._heed(self._signals.noted())
+                self._signalled |= self._signals.noted()
+                self._heed()
             if self._device.input in ready:
                 self._receive()
             if not ready:
@@ -115,14 +131,16 @@ class Session:
     def write(self, screen: bytes) -> None:
         """Write all bytes; returns when the terminal has taken them.
 
+        Meanwhile input is read, for the next `events`, and signals are heeded: after a stop the rest of
+        ``screen`` is dropped, as the `Resize` that follows asks for all of it anew.
+
         Raises
         ------
         TerminalError
-            The terminal went away.
+            The terminal went away, or took nothing for `STALL_SECONDS`.
         """
-        self._writing = True
-        self._device.write(screen)
-        self._writing = False
+        self._unanswered += screen.count(self.question)
+        self._send(screen, STALL_SECONDS, self._device.input, self._signals)
 
     def synchronized(self, screen: bytes) -> bytes:
         """Return bytes that show ``screen`` in one step where the terminal can, else ``screen`` itself.
@@ -143,16 +161,16 @@ class Session:
 
     def _take(self) -> None:
         self._device.set_raw()
-        self.write(SCREEN[0])
+        self._send(SCREEN[0])
         if not self._known:
             # Asked on the alternate screen, where what a terminal prints by mistake harms nobody.
             self._ask()
         self._set_cell_size(self.profile.cell_size)
-        self.write(turn_on(self.profile))
+        self._send(turn_on(self.profile))
 
     def _ask(self) -> None:
         """Learn what the terminal can do; what a person typed meanwhile is not lost."""
-        self.write(probe.questions(self._environment))
+        self._send(probe.questions(self._environment))
         deadline, replies = time.monotonic() + probe.patience(self._environment), b""
         while not probe.answered(replies) and (left := deadline - time.monotonic()) > 0:
             if self._device.input in self._ready(left, self._device.input):
@@ -172,12 +190,45 @@ class Session:
 
     def _give_back(self) -> None:
         with contextlib.suppress(TerminalError):  # it may be gone, which may be why we are here
-            self.write(UNFINISHED * self._writing + turn_off(self.profile))
+            if self._writing and not self._ready(FAREWELL_SECONDS, writing=True):
+                self._device.drop_output()
+            self._send(UNFINISHED * self._writing + turn_off(self.profile), FAREWELL_SECONDS)
+            self._hear_out()
         self._device.restore()
 
-    def _ready(self, timeout: float, *sources: int | Signals) -> list[int | Signals]:
-        sources = sources or (self._device.input, self._signals)
-        return select.select(sources, [], [], timeout)[0]
+    def _hear_out(self) -> None:
+        """Wait for answers still on their way: the shell would take them for something typed."""
+        deadline = time.monotonic() + probe.patience(self._environment)
+        while self._unanswered and (left := deadline - time.monotonic()) > 0:
+            if self._ready(left, self._device.input):
+                self._receive()
+        self._unanswered = 0
+
+    def _send(self, screen: bytes, patience: float = STALL_SECONDS, *sources: int | Signals) -> None:
+        """Write all bytes as the terminal takes them, and heed what comes from ``sources`` meanwhile."""
+        self._writing, rest = True, memoryview(screen)
+        deadline = time.monotonic() + patience
+        while rest:
+            ready = self._ready(max(0.0, deadline - time.monotonic()), *sources, writing=True)
+            if self._signals in ready:
+                self._signalled |= self._signals.noted()
+                if self._signalled & {signal.SIGTSTP, signal.SIGCONT}:
+                    return self._heed()
+            if self._device.input in ready:
+                self._receive()
+            if self._device.output in ready and (taken := self._device.write(rest)):
+                rest, deadline = rest[taken:], time.monotonic() + patience
+            elif time.monotonic() >= deadline:
+                raise TerminalError(f"the terminal has taken nothing for {patience:.0f} s")
+        self._writing = False
+        return None
+
+    def _ready(self, timeout: float, *sources: int | Signals, writing: bool = False) -> list[int | Signals]:
+        """Return which of ``sources``, by default input and signals, have something; with ``writing``, the
+        output too if it takes something, and then only the sources that are named."""
+        sources = sources or (() if writing else (self._device.input, self._signals))
+        readable, writable, _ = select.select(sources, (self._device.output,) * writing, (), timeout)
+        return readable + writable
 
     def _receive(self) -> None:
         parsed = self._parser.feed(self._device.read())
@@ -187,10 +238,13 @@ class Session:
         for event in parsed:
             if isinstance(event, PixelReport):
                 self._measure(event)
-            else:
-                self._waiting.append(event)
+                continue
+            if isinstance(event, Answered):
+                self._unanswered = max(0, self._unanswered - 1)
+            self._waiting.append(event)
 
-    def _heed(self, signals: set[int]) -> None:
+    def _heed(self) -> None:
+        signals, self._signalled = self._signalled, set()
         if signal.SIGTSTP in signals:
             self.suspend()
         elif signal.SIGCONT in signals:
@@ -200,7 +254,7 @@ class Session:
             self._waiting.append(Resize(self.size()))
         elif signal.SIGWINCH in signals:
             self._waiting.append(Resize(self.size()))
-            self.write(probe.size_questions(self.profile))
+            self._send(probe.size_questions(self.profile))
 
     def _measure(self, report: PixelReport) -> None:
         """Take the size of a cell from a late answer; another size than before is a `Resize`."""
