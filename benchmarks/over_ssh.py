@@ -9,6 +9,7 @@ answers, and taps keys. Exits with 0 when every floor holds, 1 when one does not
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import random
 import re
@@ -105,11 +106,12 @@ class Terminal:
         self.process.close(force=True)
 
     def _read(self) -> None:
+        with contextlib.suppress(OSError):  # closed
+            self._answer_for_ever()
+
+    def _answer_for_ever(self) -> None:
         while True:
-            try:
-                received = os.read(self.process.fd, 1 << 16)
-            except OSError:
-                return
+            received = os.read(self.process.fd, 1 << 16)
             now = time.perf_counter()
             data = self._rest + received
             if not self._asked and b"\x1b[c" in data:

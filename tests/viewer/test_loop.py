@@ -51,8 +51,7 @@ class FakeTerminal:
         return list(self.batches.pop(0))
 
     def write(self, screen: bytes) -> None:
-        assert screen.endswith(self.question)
-        self.asked += 1
+        self.asked += screen.endswith(self.question)
         if screen != self.question:
             self.written.append(screen.removesuffix(self.question))
 

@@ -37,6 +37,7 @@ class HalfBlocks:
 
     def __init__(self, colors: int = 1 << 24) -> None:
         self.name = "half256" if colors == 256 else "half"
+        self.fidelity = 1.0
 
     def pixels_per_cell(self, cell_width: int, cell_height: int) -> tuple[int, int]:  # noqa: ARG002
         """Return 1 across and 2 down, whatever the cell."""
@@ -70,6 +71,15 @@ class HalfBlocks:
     def clear(self) -> bytes:
         """Return nothing: text is overwritten, not removed."""
         return b""
+
+    def forget(self, cells: object) -> None:
+        pass
+
+    divisible = True
+
+    def abandon(self) -> bytes:
+        """End a frame that was sent in part: the cursor is back, the colours are reset."""
+        return b"\x1b8" + _RESET
 
     def _rows(self, frame: U8) -> list[bytes]:
         colors = nearest_index(frame)[..., None] if self.name == "half256" else frame

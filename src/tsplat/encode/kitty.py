@@ -30,6 +30,18 @@ class Kitty:
 
     def __init__(self) -> None:
         self._shown: int | None = None
+        self._before: int | None = None
+        self.fidelity = 1.0
+
+    divisible = True
+
+    def forget(self, cells: object) -> None:
+        pass
+
+    def abandon(self) -> bytes:
+        """End a picture that was sent in part; the one before it is still on screen."""
+        sent, self._shown = self._shown, self._before
+        return b"\x1b_Gm=0,q=2;\x1b\\" + (b"" if sent is None else _delete(sent))
 
     def pixels_per_cell(self, cell_width: int, cell_height: int) -> tuple[int, int]:
         """Return the size of the cell."""
@@ -39,7 +51,7 @@ class Kitty:
         """Draw a frame over text cells; see `Encoder.encode`. The terminal stretches it."""
         check(frame, columns, rows)
         old, new = self._shown, _IDS[self._shown == _IDS[0]]
-        self._shown = new
+        self._before, self._shown = old, new
         place = b"\x1b_Ga=p,i=%d,p=1,c=%d,r=%d,z=%d,C=1,q=2\x1b\\" % (new, columns, rows, BELOW_TEXT)
         return EncodedFrame(_upload(png(frame), new), place + (b"" if old is None else _delete(old)))
 

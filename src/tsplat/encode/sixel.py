@@ -29,6 +29,16 @@ class Sixel:
 
     def __init__(self) -> None:
         self._palette = AdaptivePalette()
+        self.fidelity = 1.0
+
+    divisible = False
+
+    def forget(self, cells: object) -> None:
+        pass
+
+    def abandon(self) -> bytes:
+        """Return nothing: every piece is a picture of its own."""
+        return b""
 
     def pixels_per_cell(self, cell_width: int, cell_height: int) -> tuple[int, int]:
         """Return the size of the cell."""

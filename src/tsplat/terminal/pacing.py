@@ -151,6 +151,10 @@ class Pacer:
         self._learn(frame.size, elapsed)
         self._last_answer = now
 
+    def restart(self) -> None:
+        """Expect no answer to anything sent so far."""
+        self._in_flight.clear()
+
     def _learn(self, size: int, elapsed: float) -> None:
         if size <= 2 * self._smallest or elapsed < self.round_trip:
             # Small frames tell how long the way is, large ones how wide.

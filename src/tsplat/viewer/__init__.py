@@ -83,5 +83,5 @@ def view(
             message=GREETING,
         )
         painter = Painter(SceneVariants(gaussians, raw_opacity=raw_opacity))
-        pacer = Pacer(latency, remote=session.profile.remote)
+        pacer = Pacer(latency, remote="SSH_CONNECTION" in os.environ)
         Viewer(session, painter, state, f"tsplat-{name}", Path.cwd(), pacer).run()

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Protocol
 
 from tsplat.errors import SaveError
-from tsplat.terminal.keys import Answered, Event
+from tsplat.terminal.keys import Answered, Event, Resize
 from tsplat.terminal.pacing import FULL, STALL_SECONDS, Pacer, Quality
 from tsplat.terminal.probe import Profile
 from tsplat.viewer.hud import Measured, layout
@@ -141,6 +141,8 @@ class Viewer:
             if isinstance(event, Answered):
                 self.pacer.answered(time.perf_counter())
                 continue
+            if isinstance(event, Resize):
+                self.pacer.restart()  # the terminal may have been given back in between, answers and all
             before, self.state = self.state, update(self.state, event)
             if self.state.pictures != before.pictures:
                 self.save_picture()
