@@ -56,7 +56,7 @@ def drive(pacer: Pacer, link: Link, seconds: float, drawing: float = 0.02, start
             pacer.sent(now, size)
             run.frames.append((now, link.send(now, size), size))
             run.most_waiting = max(run.most_waiting, pacer.waiting)
-            pacer.adapt(size, drawing)
+            pacer.drew(size, drawing)
         else:
             now = min([due, *link.answers[:1]])
             while link.answers and link.answers[0] <= now:

@@ -29,11 +29,11 @@ LEAST_SHARE = 1 / 3
 FAST = 1e9
 """Bytes a second: what is thought of a link before anything is known."""
 
-NOISE = 0.05
-"""Share of the time from a frame to its answer that says nothing about the link's width."""
+MEMORY = 0.6
+"""How much of what was learned of the link's rate is kept with every further frame."""
 
-FRESHNESS = 0.4
-"""How much the last frame counts against all before it when the link's rate is estimated."""
+FIRST_PIECE = 16 << 10
+"""Bytes of the first piece of a picture; each may have twice as many as the largest that was answered before it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +64,7 @@ LADDER = (
 
 STEP = 0.75
 
-START_REMOTE = 6
+START_REMOTE = 10
 """The rung for the first frames over a network of which nothing is known yet."""
 
 
@@ -90,16 +90,36 @@ class Pacer:
         self.answers = True
         """False once it is clear that the terminal does not answer."""
         self.round_trip = 0.0
-        self.rate = FAST
-        self._rung = START_REMOTE if remote else 0
+        self._rung = self._next = START_REMOTE if remote else 0
+        self._size, self._busy = 0, 0.0
         self._in_flight: deque[_Sent] = deque()
         self._last_answer = float("-inf")
         self._smallest = float("inf")
+        self._bytes = self._seconds = 0.0
+        self._largest = 0
 
     @property
     def quality(self) -> Quality:
-        """What a frame gets while the view moves."""
-        return LADDER[self._rung]
+        """What the next frame gets while the view moves; better by one step at most than the last one."""
+        if self._size:
+            budget = self.budget(self._busy)
+            size, rung = self._size / STEP, max(self._rung - 1, 0)
+            if rung == self._rung:
+                size *= STEP
+            while size > budget and rung < len(LADDER) - 1:
+                size, rung = size * STEP, rung + 1
+            self._next = rung
+        return LADDER[self._next]
+
+    @property
+    def rate(self) -> float:
+        """Bytes a second that the link and the terminal take."""
+        return self._bytes / self._seconds if self._seconds > self._bytes / FAST else FAST
+
+    @property
+    def piece(self) -> int:
+        """How many bytes of a picture may be sent at once that nobody waits for."""
+        return min(self.budget(), max(FIRST_PIECE, 2 * self._largest))
 
     @property
     def waiting(self) -> int:
@@ -160,19 +180,11 @@ class Pacer:
             # Small frames tell how long the way is, large ones how wide.
             self._smallest = min(size, self._smallest)
             self.round_trip = elapsed if not self.round_trip else min(elapsed, self.round_trip)
-        moving = elapsed - self.round_trip
-        if moving <= NOISE * elapsed:
-            # Too quick to say how quick: at least so wide.
-            self.rate = max(self.rate, size / (NOISE * elapsed))
-        elif self.rate == FAST:
-            self.rate = size / moving
-        else:
-            self.rate += FRESHNESS * (size / moving - self.rate)
+        # Sums, so that what took little time counts little: a moment's jitter is a small frame's whole time.
+        self._bytes = MEMORY * self._bytes + size
+        self._seconds = MEMORY * self._seconds + max(0.0, elapsed - self.round_trip)
+        self._largest = max(self._largest, size)
 
-    def adapt(self, size: int, busy: float) -> None:
-        """Choose the rung for the next moving frame from the size of this one and the time it took to draw."""
-        budget = max(1, self.budget(busy))
-        while size > 1.15 * budget and self._rung < len(LADDER) - 1:
-            size, self._rung = int(size * STEP), self._rung + 1
-        if size < STEP * STEP * budget and self._rung > 0:
-            self._rung -= 1
+    def drew(self, size: int, busy: float) -> None:
+        """Note how many bytes a moving frame of this `quality` had, and how many seconds it took to draw."""
+        self._size, self._busy, self._rung = size, busy, self._next

@@ -174,7 +174,7 @@ class Viewer:
         before_write = time.perf_counter()
         size = self.send(abandoned + fresh + encoded.upload + body)
         end = time.perf_counter()
-        self.pacer.adapt(size, before_write - start)
+        self.pacer.drew(size, before_write - start)
         self.last_ms = {"encode": 1e3 * (before_write - before_encode), "write": 1e3 * (end - before_write)}
         if self.rested:
             self.intervals.clear()
@@ -189,8 +189,8 @@ class Viewer:
         if self.pieces is None:
             drawn = self._drawn(picture(self.state), FULL)
             self.screen = replace(self.screen, drawn=drawn)
-            most = self.pacer.budget()
-            self.pieces = self.painter.pieces(self.state, drawn.frame, self.screen.spans, most)
+            size = self.pacer.piece
+            self.pieces = self.painter.pieces(self.state, drawn.frame, self.screen.spans, size)
         piece = next(self.pieces, None)
         if piece is None:
             self.pieces, self.screen = None, replace(self.screen, quality=FULL)
