@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from tsplat.encode import EncodedFrame
 from tsplat.errors import SaveError
 from tsplat.rendering import RenderOptions
 from tsplat.terminal.keys import Answered, Event, Key, Mouse, Resize, TerminalSize
+from tsplat.terminal.pacing import FULL, Pacer
 from tsplat.terminal.probe import Profile
 from tsplat.viewer.loop import REST_SECONDS, Viewer
 from tsplat.viewer.picture import Drawn, Painter
@@ -259,3 +260,63 @@ def test_an_error_while_drawing_is_not_swallowed(tmp_path: Path) -> None:
 
     with pytest.raises(ZeroDivisionError):
         Viewer(FakeTerminal(), Broken(), a_state(), "tsplat-x", tmp_path).run()
+
+
+class SlowLink(FakeTerminal):
+    """Answers a frame only when the events it is given say so."""
+
+    def events(self, timeout: float) -> list[Event]:
+        self.asked = 0
+        return super().events(timeout)
+
+
+class PiecesPainter(FakePainter):
+    """Its pieces say which they are."""
+
+    divisible = False  # type: ignore[assignment]
+
+    def pieces(self, state: ViewerState, frame: object, spans: Sequence[Span], size: int) -> Iterator[bytes]:  # noqa: ARG002
+        yield from (b"(piece %d)" % number for number in range(3))
+
+    def abandon(self) -> bytes:
+        return b"(abandoned)"
+
+
+def on_a_slow_link(tmp_path: Path, *batches: Sequence[Event]) -> tuple[Viewer, SlowLink]:
+    terminal, painter, pacer = SlowLink([Answered()], *batches), PiecesPainter(), Pacer(remote=True)
+    viewer = Viewer(terminal, painter, a_state(), "tsplat-x", tmp_path, pacer)
+    viewer.run()
+    return viewer, terminal
+
+
+def test_while_two_frames_are_unanswered_none_leaves_and_then_only_the_newest(tmp_path: Path) -> None:
+    _, terminal = on_a_slow_link(tmp_path, [Key("tab")], [Key("?")], [Answered(), Answered()], [])
+    first, piece, newest, *_ = terminal.written
+    assert b"(draw" in first
+    assert piece == b"<(piece 0)>"
+    assert b"quit" in newest
+    assert not any(b"antialias" in written for written in terminal.written)
+
+
+def test_once_at_rest_the_whole_picture_comes_in_pieces_and_then_nothing(tmp_path: Path) -> None:
+    answers = [[Answered()]] * 5
+    viewer, terminal = on_a_slow_link(tmp_path, *answers, [])
+    assert terminal.written[1:] == [b"<(piece 0)>", b"<(piece 1)>", b"<(piece 2)>"]
+    assert viewer.screen is not None
+    assert viewer.screen.quality == FULL
+    assert terminal.waits[-2:] == [REST_SECONDS] * 2
+
+
+def test_a_key_ends_the_pieces_and_its_frame_comes_next(tmp_path: Path) -> None:
+    _, terminal = on_a_slow_link(tmp_path, [Answered()], [Answered(), Key("tab")], [Answered()], [])
+    assert terminal.written[1] == b"<(piece 0)>"
+    followed = next(written for written in terminal.written[1:] if b"(draw kitty)" in written)
+    assert followed.startswith(b"(abandoned)")
+    assert b"antialias" in followed
+
+
+def test_while_the_view_moves_frames_are_as_good_as_the_link_allows(tmp_path: Path) -> None:
+    viewer, _ = on_a_slow_link(tmp_path, [Answered()], [])
+    assert viewer.screen is not None
+    assert views(viewer)[0] == a_state()
+    assert viewer.pacer.quality.density < 1.0
