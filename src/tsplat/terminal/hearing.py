@@ -36,8 +36,11 @@ class Hearing:
         What tmux said about itself and the terminal around it; "" without tmux.
     """
 
-    def __init__(self, asked: tuple[Question, ...], *, remote: bool, tmux: str = "") -> None:
+    def __init__(
+        self, asked: tuple[Question, ...], *, remote: bool, tmux: str = "", patience: float = 0.0
+    ) -> None:
         self.questions, self.replies, self.tmux = asked, b"", tmux
+        self._patience = patience
         self._limit = REMOTE_SECONDS if remote else LOCAL_SECONDS
         self._remote = remote
         self._arrived: list[tuple[int, float]] = []
@@ -49,7 +52,7 @@ class Hearing:
 
     def left(self, seconds: float) -> float:
         """Return how much longer to listen, ``seconds`` after asking; 0 when all is said."""
-        return 0.0 if self.answered else max(0.0, self._limit - seconds)
+        return 0.0 if self.answered else max(0.0, max(self._limit, self._patience) - seconds)
 
     def take(self, received: bytes, seconds: float) -> None:
         """Note what came ``seconds`` after asking."""
@@ -67,7 +70,10 @@ class Hearing:
 
 
 def ask(
-    environment: Mapping[str, str], send: Callable[[bytes], None], receive: Callable[[float], bytes]
+    environment: Mapping[str, str],
+    send: Callable[[bytes], None],
+    receive: Callable[[float], bytes],
+    patience: float = 0.0,
 ) -> Hearing:
     """Ask a terminal everything and return what it answered.
 
@@ -79,10 +85,12 @@ def ask(
         Writes bytes to the terminal.
     receive : callable
         Returns what the terminal sent, b"" when nothing came for so many seconds.
+    patience : float
+        Seconds to wait for the last answer at least.
     """
     with Trials(environment) as trials:
         asked = questions(environment, trials.questions)
-        hearing = Hearing(asked, remote=is_remote(environment), tmux=ask_tmux(environment))
+        hearing = Hearing(asked, remote=is_remote(environment), tmux=ask_tmux(environment), patience=patience)
         send(b"".join(question.asks for question in asked))
         start = time.monotonic()
         while (left := hearing.left(time.monotonic() - start)) > 0:

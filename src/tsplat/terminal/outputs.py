@@ -65,7 +65,7 @@ def choose_output(requested: str | None, environment: Mapping[str, str], profile
 def _judged(name: str, profile: Profile) -> tuple[bool, str]:
     if name in PICTURES and profile.colors == 0:
         return False, "NO_COLOR is set"
-    return _JUDGES[name](profile) if name in _JUDGES else (True, "every font has its characters")
+    return _JUDGES[name](profile) if name in _JUDGES else (True, "nearly every font has its characters")
 
 
 def _kitty(profile: Profile) -> tuple[bool, str]:
@@ -103,12 +103,15 @@ def _drawn_by(known: Mapping[str, tuple[int, ...]]) -> Callable[[Profile], tuple
 def _quadrant(profile: Profile) -> tuple[bool, str]:
     # The Linux console's font has 256 characters: half blocks, but neither quadrants nor braille.
     console = profile.program == "linux"
-    return not console, "the console's font lacks its characters" if console else "every font has its characters"
+    return (
+        not console,
+        "the console's font lacks its characters" if console else "nearly every font has its characters",
+    )
 
 
 def _half(profile: Profile) -> tuple[bool, str]:
     few = profile.colors == 256
-    return not few, "half256 is the same in 256 colours" if few else "every font has its characters"
+    return not few, "half256 is the same in 256 colours" if few else "nearly every font has its characters"
 
 
 def _half256(profile: Profile) -> tuple[bool, str]:
