@@ -17,6 +17,7 @@ import rich_click as click
 from tsplat import __version__
 from tsplat.arguments import BACKGROUND, DEMO, POINT, UP, Triples, ViewByDefault, scene_path
 from tsplat.bench.command import bench
+from tsplat.doctor.command import doctor
 from tsplat.errors import LoadWarning, OptionError, TsplatError
 from tsplat.progress import loading, wait_for_kernels
 from tsplat.rendering import ANTIALIAS, TRAIN_FOCAL_GUESS, RenderOptions
@@ -184,6 +185,7 @@ def info(scene: str, as_json: bool, max_splats: int | None, raw_opacity: bool) -
 
 
 command.add_command(bench)
+command.add_command(doctor)
 
 
 def _load(scene: str, max_splats: int | None, raw_opacity: bool, warm_up: WarmUp | None = None) -> Gaussians:

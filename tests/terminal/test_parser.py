@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsplat.terminal.keys import Answered, Event, Focus, Key, Mouse
-from tsplat.terminal.parser import Parser, PixelReport
+from tsplat.terminal.keys import Answered, Focus, Key, Mouse
+from tsplat.terminal.parser import Parser, PixelReport, Reported, SizeReport
 
-SEQUENCES: dict[bytes, list[Event | PixelReport]] = {
+SEQUENCES: dict[bytes, list[Reported]] = {
     b"a": [Key("a")],
     b"A": [Key("A")],
     b"+?": [Key("+"), Key("?")],
@@ -68,6 +68,11 @@ SEQUENCES: dict[bytes, list[Event | PixelReport]] = {
     b"\x1b[6;20;10t\x1b[4;480;800t\x1b[8;24;80t": [PixelReport(6, 10, 20), PixelReport(4, 800, 480)],
     b"a\x1b[0nb\x1b[3n\x1b[?0n": [Key("a"), Answered(), Key("b")],
     b"\x1b[200~q\x1b[0nq\x1b[201~": [Answered()],
+    b"\x1b[48;30;100;600;1000t\x1b[48;30;100;0;0tq": [
+        SizeReport(100, 30, 1000, 600),
+        SizeReport(100, 30, 0, 0),
+        Key("q"),
+    ],
     b"\x1b[200~q\x03\x1b[A\x1b[201~x": [Key("x")],
     b"\xff\xc3(\x80z": [Key("("), Key("z")],
 }
@@ -113,9 +118,24 @@ def test_alt_and_a_bracket_is_a_key_when_nothing_follows() -> None:
 
 def test_a_string_that_never_ends_is_given_up() -> None:
     parser = Parser()
-    assert parser.feed(b"\x1bP>|half a reply") == []
+    assert parser.feed(b"\x1b]11;half a reply") == []
     parser.flush()
     assert parser.feed(b"q") == [Key("q")]
+
+
+@pytest.mark.parametrize("reply", [b"\x1bP>|kitty(0.26.5)\x1b\\", b"\x1b_Gi=31;OK\x1b\\", b"\x1b[6;20;10t"])
+def test_a_late_reply_torn_in_two_by_a_slow_line_is_no_key(reply: bytes) -> None:
+    for cut in range(4, len(reply)):
+        parser = Parser()
+        events = parser.feed(reply[:cut]) + parser.flush() + parser.feed(reply[cut:] + b"q")
+        assert [event for event in events if isinstance(event, Key)] == [Key("q")]
+
+
+def test_a_reply_that_never_ends_costs_one_key() -> None:
+    parser = Parser()
+    for _ in range(2):
+        assert parser.feed(b"\x1bP>|half a reply") + parser.flush() + parser.feed(b"q") + parser.flush() == []
+        assert parser.feed(b"q") == [Key("q")]
 
 
 def test_a_reply_torn_in_two_by_a_slow_line_is_no_key() -> None:

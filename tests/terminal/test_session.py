@@ -40,7 +40,7 @@ def assert_whole_again(terminal: Terminal, after: int = 0) -> None:
     """What was turned on is off, in the order that gives the shell its screen back last."""
     assert terminal.attributes() == terminal.before
     end = terminal.seen[after:]
-    order = [b"\x1b[?1004l", b"\x1b[?1006l", b"\x1b[?1002l", b"\x1b[?7h", b"\x1b[?25h", LEFT]
+    order = [b"\x1b[?2004l", b"\x1b[?1004l", b"\x1b[?1006l", b"\x1b[?1002l", b"\x1b[?7h", b"\x1b[?25h", LEFT]
     places = [end.rindex(text) for text in order]
     assert places == sorted(places)
     assert b"\x1b[2J" not in end[places[-1] :]
@@ -196,6 +196,53 @@ def test_a_cell_is_what_16t_says_else_14t_else_the_window(
         terminal.type(replies)
         terminal.wait_for(b"columns=80, rows=24, cell_width=%d, cell_height=%d" % cell)
         assert terminal.wait() == 0
+
+
+def test_a_new_size_may_come_like_a_key_before_the_kernel_knows_it() -> None:
+    with Terminal.python(ECHO) as terminal:
+        ready = started(terminal, b"\x1b[?2048;2$y" + KITTY)
+        assert b"\x1b[?2048h" in terminal.seen[:ready]
+        # Terminals report the size at once when told to; that is no news.
+        terminal.type(b"\x1b[48;24;80;480;800t" + b"w")
+        first = terminal.wait_for(b"Key(name='w', action='press')<", start=ready)
+        assert b"Resize" not in terminal.seen[ready:first]
+        terminal.type(b"\x1b[48;30;100;900;1500t")
+        size = b"Resize(size=TerminalSize(columns=100, rows=30, cell_width=15, cell_height=30))<"
+        reported = terminal.wait_for(size, start=first)
+        terminal.resize(90, 20)
+        terminal.wait_for(b"Resize(size=TerminalSize(columns=90, rows=20, cell_width=15", start=reported)
+        terminal.type(b"q")
+        assert terminal.wait() == 0
+        assert terminal.seen.count(b"\x1b[?2048l") == 1
+
+
+def test_pasted_text_is_no_keys() -> None:
+    with Terminal.python(ECHO) as terminal:
+        ready = started(terminal)
+        assert b"\x1b[?2004h" in terminal.seen[:ready]
+        terminal.type(b"\x1b[200~q quits\r\x03\x1b[201~w")
+        end = terminal.wait_for(b"<", start=ready)
+        assert terminal.seen[ready:end] == b"Key(name='w', action='press')<"
+        terminal.type(b"q")
+        assert terminal.wait() == 0
+
+
+def test_answers_that_come_late_are_no_keys_and_still_count() -> None:
+    script = ECHO.replace("repr(event)", "repr((session.profile.program, event))")
+    with Terminal.python(script) as terminal:
+        ready = terminal.wait_for(b"<ready>")
+        assert b"\x1b[>31u" not in terminal.seen
+        terminal.type(KITTY[:30])
+        terminal.type(KITTY[30:])
+        end = terminal.wait_for(
+            b"\x1b[>31u", b"('kitty', Resize(size=TerminalSize(columns=80, rows=24, cell_width=10", start=ready
+        )
+        assert b"Key(" not in terminal.seen[:end]
+        terminal.type(b"q")
+        assert terminal.wait() == 0
+        assert terminal.seen.count(b"\x1b[?1002h") == terminal.seen.count(b"\x1b[>31u") == 1
+        assert terminal.seen.count(b"\x1b[<u") == 1
+        assert_whole_again(terminal, ready)
 
 
 BASH = """

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from tsplat.terminal.keys import Answered, Event, Focus, Key, Mouse, Resize, TerminalSize
-from tsplat.terminal.probe import Profile, choose_output, detect, outputs
+from tsplat.terminal.outputs import choose_output, outputs
+from tsplat.terminal.probe import Profile, detect
 from tsplat.terminal.session import Session
 
 __all__ = [

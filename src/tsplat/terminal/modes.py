@@ -23,20 +23,28 @@ def modes(profile: Profile) -> list[Mode]:
         (b"\x1b[?7l", b"\x1b[?7h"),  # no autowrap: a picture that reaches the last column moves nothing
         (b"\x1b[?1002h\x1b[?1006h", b"\x1b[?1006l\x1b[?1002l"),  # buttons, drags and wheel, in decimal
         (b"\x1b[?1004h", b"\x1b[?1004l"),  # focus
+        (b"\x1b[?2004h", b"\x1b[?2004l"),  # what is pasted comes in brackets, and is not taken for keys
     ]
     if reports_pixels(profile):
         chosen.append((b"\x1b[?1016h", b"\x1b[?1016l"))
+    if profile.in_band_resize:
+        chosen.append((b"\x1b[?2048h", b"\x1b[?2048l"))
     if profile.kitty_keyboard:
         # All keys as numbers, with releases and the text they type: then what comes up is what went down.
         chosen.append((b"\x1b[>31u", b"\x1b[<u"))
-    if profile.kitty_graphics:
+    if profile.kitty_graphics and not profile.multiplexer:
         chosen.append((b"", b"\x1b_Ga=d,d=A,q=2\x1b\\"))
     return chosen
 
 
-def turn_on(profile: Profile) -> bytes:
-    """Return what turns on all modes but the screen: a second time, that would forget the shell's cursor."""
-    return b"".join(on for on, _ in modes(profile))
+def turn_on(profile: Profile, before: Profile | None = None) -> bytes:
+    """Return what turns on all modes but the screen, and those that are on with ``before``.
+
+    Turned on a second time, the screen would forget the shell's cursor, and the kitty keyboard would need
+    to be turned off twice.
+    """
+    already = modes(before) if before else []
+    return b"".join(mode[0] for mode in modes(profile) if mode not in already)
 
 
 def turn_off(profile: Profile) -> bytes:

@@ -22,7 +22,18 @@ class PixelReport:
     height: int
 
 
-Parsed = Event | PixelReport | None
+@dataclass(frozen=True, slots=True)
+class SizeReport:
+    """The terminal has a new size (mode 2048): text cells, and pixels of the text area, 0 where not said."""
+
+    columns: int
+    rows: int
+    width: int
+    height: int
+
+
+Reported = Event | PixelReport | SizeReport
+Parsed = Reported | None
 
 _ESCAPE = 0x1B
 _CSI = re.compile(rb"\x1b\[([<=>?]?)([\d;:]*)[ -/]*([@-Z\\-~])")
@@ -48,6 +59,7 @@ _BUTTONS: tuple[MouseButton, ...] = ("left", "middle", "right", "none")
 _SHIFT, _ALT, _CTRL = 1, 2, 4
 _MOST_PARAMETERS = 64
 """Bytes of parameters beyond which a control sequence is garbage; the longest real one has about 30."""
+_REPLIES = (b"\x1bP>|", b"\x1b_G")
 _PASTE_START, _PASTE_END = b"\x1b[200~", b"\x1b[201~"
 
 
@@ -64,6 +76,7 @@ class Parser:
     def __init__(self) -> None:
         self.mouse_unit = (1, 1)
         self._rest = b""
+        self._spared = False
         self._pasting = False
         self._down: dict[int | str, str] = {}
 
@@ -72,9 +85,9 @@ class Parser:
         """Whether the bytes so far end within a sequence: more may come, or it was the Escape key."""
         return bool(self._rest)
 
-    def feed(self, received: bytes) -> list[Event | PixelReport]:
+    def feed(self, received: bytes) -> list[Reported]:
         """Return the events that are complete with these bytes."""
-        events: list[Event | PixelReport] = []
+        events: list[Reported] = []
         text, position = self._rest + received, 0
         while position < len(text):
             parse = self._sequence if text[position] == _ESCAPE else _character
@@ -86,16 +99,21 @@ class Parser:
                 self._pasting = sequence == _PASTE_START
             elif event is not None and (not self._pasting or isinstance(event, Answered)):
                 events.append(event)
+        self._spared &= position == 0
         self._rest = text[position:]
         return events
 
-    def flush(self) -> list[Event | PixelReport]:
+    def flush(self) -> list[Reported]:
         """Return the events of the bytes held back, since no more came: a lone escape was the key.
 
-        A started CSI stays held back, or a reply torn in two would be taken for keys; a string is given
-        up, or one that never ends would swallow all that is typed.
+        A started CSI stays held back, or a reply torn in two would be taken for keys; so does a string that
+        begins as replies do, but only once, or one that never ends would swallow all that is typed.
         """
         rest = self._rest
+        if not self._spared and rest.startswith(_REPLIES):
+            self._spared = True
+            return []
+        self._spared = False
         if rest == b"\x1b":
             self._rest = b""
             return [Key("escape")]
@@ -149,6 +167,8 @@ class Parser:
             return self._as_pressed(-numbers[0], _named(_TILDES.get(numbers[0]), modifiers, action))
         if final == "t" and len(numbers) == 3 and numbers[0] in (4, 6):
             return PixelReport(numbers[0], width=numbers[2], height=numbers[1])
+        if final == "t" and len(numbers) == 5 and numbers[0] == 48:
+            return SizeReport(columns=numbers[2], rows=numbers[1], width=numbers[4], height=numbers[3])
         if final == "n":
             return Answered() if numbers == [0] else None
         if final in "IO" and not parameters:

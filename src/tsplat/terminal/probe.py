@@ -1,7 +1,6 @@
-"""What this terminal can do: one batch of questions, and a pure function from the answers to a `Profile`.
+"""What this terminal can do: a pure function from the environment and the answers to a `Profile`.
 
-By hand rather than with blessed, which asks one question at a time, each a round trip over SSH, and
-keeps no answers to test against. Source of the terminals' ways: measured, see tests/terminal/test_probe.py.
+Source of the terminals' ways: measured, or what their makers write; see tests/terminal/test_probe.py.
 """
 
 from __future__ import annotations
@@ -10,36 +9,19 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from tsplat.errors import OptionError
+from tsplat.terminal.multiplexer import parsed_version, passes_pictures
+from tsplat.terminal.questions import CELL_SIZE, TRANSPORTS, WINDOW_SIZE, is_remote, multiplexer, said
 
-OUTPUTS = ("kitty", "sixel", "half", "half256")
-"""Names of all encoders, best picture first; `tsplat.encode.ENCODERS` has the same."""
+TRUECOLOR = 1 << 24
 
-TIMEOUT, REMOTE_TIMEOUT = 0.5, 1.5
-"""Seconds to wait for the answers. Every terminal measured answers DA1, so only a pipe posing as a
-terminal ever waits that long, while a terminal that is still starting needs more than a moment."""
-
-_GRAPHICS = b"\x1b_Gi=31,s=1,v=1,a=q,t=d,f=24;AAAA\x1b\\"
-_CELL_SIZE, _WINDOW_SIZE = b"\x1b[16t", b"\x1b[14t"
-_QUESTIONS = b"\x1b[>0q" + _CELL_SIZE + _WINDOW_SIZE + b"\x1b[?2026$p\x1b[?1016$p\x1b[?u"
-_SENTINEL = b"\x1b[c"
-
-_ANSWERS = {
-    "XTVERSION": re.compile(rb"\x1bP>\|([^\x1b]*)\x1b\\"),
-    "DA1": re.compile(rb"\x1b\[\?([\d;]*)c"),
-    "cell 16t": re.compile(rb"\x1b\[6;(\d+;\d+)t"),
-    "window 14t": re.compile(rb"\x1b\[4;(\d+;\d+)t"),
-    "mode 2026": re.compile(rb"\x1b\[\?2026;(\d+)\$y"),
-    "mode 1016": re.compile(rb"\x1b\[\?1016;(\d+)\$y"),
-    "kitty keyboard": re.compile(rb"\x1b\[\?(\d+)u"),
-    "kitty graphics": re.compile(rb"\x1b_Gi=31;([^\x1b]*)\x1b\\"),
-}
-_BAD_KITTY_GRAPHICS = ("iterm2", "wezterm")
-"""They answer OK, but what they draw is wrong in places; their sixel is right."""
+_BETTER_BY_ITERM2 = ("iterm", "wezterm")
+"""They answer OK to kitty's question, but what they draw then is wrong in places; OSC 1337 is right."""
+_ITERM2_PICTURES = (*_BETTER_BY_ITERM2, "mlterm")
 
 _TRUECOLOR_PROGRAMS: tuple[str, ...] = ("kitty", "foot", "wezterm", "ghostty", "iterm", "konsole", "contour")
 _TRUECOLOR_PROGRAMS += ("mlterm", "xterm.js", "xterm(", "alacritty", "rio", "vte", "vscode", "windows", "tmux")
 _TRUECOLOR_TERMS = ("-direct", "kitty", "alacritty", "foot", "ghostty", "wezterm", "contour", "mlterm")
+_SIXTEEN_COLOR_TERMS = re.compile(r"linux|ansi|vt\d+.*|.*-16color|screen(?!.*256).*")
 _OWN_VARIABLES = {
     "KONSOLE_VERSION": "Konsole",
     "VTE_VERSION": "VTE",
@@ -56,16 +38,24 @@ class Profile:
     ----------
     program, version : str
         What the terminal calls itself, or what the environment says; "" where nothing does.
+    multiplexer : {"", "tmux", "screen", "zellij"}
+        What is between this program and the terminal, and answers in its place.
+    remote : bool
+        Whether the terminal is on another machine, over SSH.
     colors : int
-        16777216 for 24-bit colour, else 256.
-    kitty_graphics, sixel : bool
-        Pictures it draws.
+        16777216 for 24-bit colour, 256, 16, or 0 where a person wants none (NO_COLOR).
+    kitty_graphics, iterm2_pictures, sixel : bool
+        Pictures it draws, and draws right.
+    kitty_transports : tuple of {"shared", "file", "direct"}
+        Ways to hand it a kitty picture, best first: those that were tried with success, and "direct".
     synchronized : bool
         Whether an update can be held back until it is complete (mode 2026).
     kitty_keyboard : bool
         Whether keys report repeats and releases.
     pixel_mouse : bool
         Whether the mouse reports pixels (mode 1016).
+    in_band_resize : bool
+        Whether a new size is reported like a key (mode 2048).
     cell_size : tuple of 2 ints, or None
         Width and height of a text cell in pixels, from CSI 16t.
     window_size : tuple of 2 ints, or None
@@ -76,107 +66,81 @@ class Profile:
 
     program: str = ""
     version: str = ""
+    multiplexer: str = ""
+    remote: bool = False
     colors: int = 256
     kitty_graphics: bool = False
+    iterm2_pictures: bool = False
     sixel: bool = False
+    kitty_transports: tuple[str, ...] = ("direct",)
     synchronized: bool = False
     kitty_keyboard: bool = False
     pixel_mouse: bool = False
+    in_band_resize: bool = False
     cell_size: tuple[int, int] | None = None
     window_size: tuple[int, int] | None = None
     replies: Mapping[str, str] = field(default_factory=dict)
 
 
-def questions(environment: Mapping[str, str]) -> bytes:
-    """Return what to ask a terminal, in one write; the last question is one that every terminal answers."""
-    term = environment.get("TERM", "")
-    if term in ("", "dumb", "linux"):
-        return _SENTINEL
-    # Terminal.app prints this question; tmux and screen take it for a title.
-    private = _multiplexed(environment) or environment.get("TERM_PROGRAM") == "Apple_Terminal"
-    return _QUESTIONS + (b"" if private else _GRAPHICS) + _SENTINEL
-
-
-def answered(replies: bytes) -> bool:
-    """Return whether the answer to the last question is there."""
-    return _ANSWERS["DA1"].search(replies) is not None
-
-
-def patience(environment: Mapping[str, str]) -> float:
-    """Return how many seconds to wait for the answers."""
-    remote = environment.get("SSH_CONNECTION") or environment.get("SSH_TTY")
-    return REMOTE_TIMEOUT if remote else TIMEOUT
-
-
 def size_questions(profile: Profile) -> bytes:
     """Return what to ask again when the size changed: with another font, a cell has another size."""
-    return (_CELL_SIZE if profile.cell_size else b"") + (_WINDOW_SIZE if profile.window_size else b"")
+    cell = CELL_SIZE.asks if profile.cell_size else b""
+    return cell + (WINDOW_SIZE.asks if profile.window_size else b"")
 
 
-def detect(environment: Mapping[str, str], replies: bytes) -> Profile:
+def detect(environment: Mapping[str, str], replies: bytes, tmux: str = "") -> Profile:
     """Return what a terminal can do.
 
     Parameters
     ----------
     environment : mapping of str to str
         Environment variables; believed only where the terminal says nothing, for they leak through
-        tmux, screen and SSH.
+        tmux, screen and SSH, and from tmux into terminals started there.
     replies : bytes
         What the terminal answered to `questions`, with anything in between.
+    tmux : str
+        What `ask_tmux` returned.
     """
-    said = {
-        name: match[1].decode("ascii", "replace")
-        for name, pattern in _ANSWERS.items()
-        if (match := pattern.search(replies))
-    }
-    program, version = _program(environment, said.get("XTVERSION", ""))
-    attributes = said.get("DA1", "").split(";")[1:]
-    drawn = said.get("kitty graphics") == "OK" and program.lower() not in _BAD_KITTY_GRAPHICS
+    answers = said(replies)
+    named = answers.get("XTVERSION", "")
+    between = _multiplexer(environment, named)
+    program, version = _program(environment, named, between)
+    known = program.lower()
+    remote = is_remote(environment)
+    graphics = answers.get("kitty graphics") == "OK" and not between and not known.startswith(_BETTER_BY_ITERM2)
+    tried = [name for name in TRANSPORTS if graphics and not remote and answers.get(f"kitty {name}") == "OK"]
     return Profile(
         program=program,
         version=version,
-        colors=1 << 24 if _truecolor(environment, said.get("XTVERSION") or program) else 256,
-        kitty_graphics=drawn and not _multiplexed(environment),
-        sixel="4" in attributes,
-        synchronized=said.get("mode 2026") in ("1", "2"),
-        kitty_keyboard="kitty keyboard" in said,
-        pixel_mouse=said.get("mode 1016") in ("1", "2"),
-        cell_size=_pair(said.get("cell 16t")),
-        window_size=_pair(said.get("window 14t")),
-        replies=said,
+        multiplexer=between,
+        remote=remote,
+        colors=_colors(environment, named or program, between),
+        kitty_graphics=graphics or (between == "tmux" and passes_pictures(tmux)),
+        iterm2_pictures=not between and known.startswith(_ITERM2_PICTURES),
+        sixel="4" in answers.get("DA1", "").split(";")[1:],
+        kitty_transports=(*tried, "direct"),
+        synchronized=_has_mode(answers, 2026),
+        kitty_keyboard="kitty keyboard" in answers,
+        pixel_mouse=_has_mode(answers, 1016),
+        in_band_resize=_has_mode(answers, 2048),
+        cell_size=_pair(answers.get("cell 16t")),
+        window_size=_pair(answers.get("window 14t")),
+        replies=answers,
     )
 
 
-def outputs(profile: Profile) -> tuple[str, ...]:
-    """Return the encoders this terminal can show, best first; never empty."""
-    pictures = ("kitty",) * profile.kitty_graphics + ("sixel",) * profile.sixel
-    return (*pictures, "half", "half256") if profile.colors > 256 else (*pictures, "half256")
+def _multiplexer(environment: Mapping[str, str], named: str) -> str:
+    """Return what is in between; a terminal that names itself is not, whatever leaked into the environment."""
+    if named:
+        return next((name for name in ("tmux", "screen", "zellij") if named.lower().startswith(name)), "")
+    return multiplexer(environment)
 
 
-def choose_output(requested: str | None, environment: Mapping[str, str], profile: Profile) -> str:
-    """Return the encoder to use: ``requested``, else TSPLAT_OUTPUT, else the best one.
-
-    Raises
-    ------
-    OptionError
-        ``requested`` or TSPLAT_OUTPUT names no encoder. One that the terminal did not announce is allowed.
-    """
-    for source, name in (("output", requested), ("TSPLAT_OUTPUT", environment.get("TSPLAT_OUTPUT"))):
-        if name and name not in OUTPUTS:
-            raise OptionError(f"{source} must be one of {', '.join(OUTPUTS)}, got {name!r}")
-        if name:
-            return name
-    return outputs(profile)[0]
-
-
-def _multiplexed(environment: Mapping[str, str]) -> bool:
-    term = environment.get("TERM", "")
-    return bool(environment.get("TMUX") or environment.get("STY")) or term.startswith(("tmux", "screen"))
-
-
-def _program(environment: Mapping[str, str], xtversion: str) -> tuple[str, str]:
-    if match := re.fullmatch(r"([^( ]+)[( ]?([^)]*)\)?", xtversion):
-        return match[1], match[2]
+def _program(environment: Mapping[str, str], named: str, between: str) -> tuple[str, str]:
+    if any(parsed := parsed_version(named)):
+        return parsed
+    if between:
+        return between, ""
     term = environment.get("TERM", "")
     if name := next((name for name in ("alacritty", "kitty", "foot", "ghostty", "mlterm") if name in term), None):
         return name, ""
@@ -188,14 +152,23 @@ def _program(environment: Mapping[str, str], xtversion: str) -> tuple[str, str]:
     return term, ""
 
 
-def _truecolor(environment: Mapping[str, str], program: str) -> bool:
-    if environment.get("STY"):
-        return False  # COLORTERM leaks into screen, and screen 4 garbles 24-bit colour
+def _colors(environment: Mapping[str, str], program: str, between: str) -> int:
+    if environment.get("NO_COLOR"):
+        return 0
+    term = environment.get("TERM", "")
+    if _SIXTEEN_COLOR_TERMS.fullmatch(term) and between != "tmux":
+        return 16
+    if between == "screen":
+        return 256  # COLORTERM leaks into screen, and screen 4 garbles 24-bit colour
     if environment.get("COLORTERM", "") in ("truecolor", "24bit"):
-        return True
-    if any(part in environment.get("TERM", "") for part in _TRUECOLOR_TERMS):
-        return True
-    return program.lower().startswith(_TRUECOLOR_PROGRAMS)
+        return TRUECOLOR
+    if any(part in term for part in _TRUECOLOR_TERMS) or program.lower().startswith(_TRUECOLOR_PROGRAMS):
+        return TRUECOLOR
+    return 256
+
+
+def _has_mode(answers: Mapping[str, str], mode: int) -> bool:
+    return answers.get(f"mode {mode}") in ("1", "2")  # set or reset; 0 is not known, 4 never set
 
 
 def _pair(reply: str | None) -> tuple[int, int] | None:

@@ -12,11 +12,12 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 from tsplat.errors import TerminalError
-from tsplat.terminal import probe
+from tsplat.terminal.hearing import LOCAL_SECONDS, REMOTE_SECONDS, Hearing, ask
 from tsplat.terminal.keys import Answered, Event, Resize, TerminalSize
 from tsplat.terminal.modes import SCREEN, UNFINISHED, reports_pixels, turn_off, turn_on
-from tsplat.terminal.parser import Parser, PixelReport
-from tsplat.terminal.probe import Profile
+from tsplat.terminal.parser import Parser, PixelReport, SizeReport
+from tsplat.terminal.probe import Profile, detect, size_questions
+from tsplat.terminal.questions import is_remote
 
 if TYPE_CHECKING:
     from tsplat.terminal.device import Device
@@ -30,6 +31,9 @@ STALL_SECONDS = 60.0
 
 FAREWELL_SECONDS = 1.0
 """Seconds to wait for a terminal to take what gives it back; one that takes nothing holds nobody up."""
+
+_LATE_BYTES = 1 << 14
+"""Bytes of input among which late answers are looked for; then there are none to come."""
 
 _FALLBACK_SIZE = (80, 24)
 
@@ -73,6 +77,8 @@ class Session:
         self._waiting: list[Event] = []
         self._signalled: set[int] = set()
         self._unanswered = 0
+        self._hearing: Hearing | None = None
+        self._reported: tuple[int, int] | None = None
         self._cell_size: tuple[int, int] | None = None
         self._device: Device
         self._signals: Signals
@@ -96,9 +102,14 @@ class Session:
     ) -> None:
         self._close()
 
+    @property
+    def is_remote(self) -> bool:
+        """Whether the terminal is on another machine, over SSH."""
+        return is_remote(self._environment)
+
     def size(self) -> TerminalSize:
         """Return the size now; 80 x 24 where the terminal does not say."""
-        columns, rows, width, height = self._device.window_size()
+        columns, rows, width, height = self._window_size()
         columns, rows = columns or _FALLBACK_SIZE[0], rows or _FALLBACK_SIZE[1]
         # The window's pixels may include a border, and are often missing; the terminal's answer is better.
         return TerminalSize(
@@ -114,6 +125,7 @@ class Session:
             The terminal went away.
         """
         deadline = time.monotonic() + timeout
+        self._learn()
         if self._signalled:
             self._heed()
         while not self._waiting:
@@ -123,6 +135,7 @@ class Session:
                 self._heed()
             if self._device.input in ready:
                 self._receive()
+                self._learn()
             if not ready:
                 break
         events, self._waiting = self._waiting, []
@@ -161,6 +174,7 @@ class Session:
 
     def _take(self) -> None:
         self._device.set_raw()
+        self._reported = None
         self._send(SCREEN[0])
         if not self._known:
             # Asked on the alternate screen, where what a terminal prints by mistake harms nobody.
@@ -170,13 +184,24 @@ class Session:
 
     def _ask(self) -> None:
         """Learn what the terminal can do; what a person typed meanwhile is not lost."""
-        self._send(probe.questions(self._environment))
-        deadline, replies = time.monotonic() + probe.patience(self._environment), b""
-        while not probe.answered(replies) and (left := deadline - time.monotonic()) > 0:
-            if self._device.input in self._ready(left, self._device.input):
-                replies += self._device.read()
-        self.profile, self._known = probe.detect(self._environment, replies), True
-        self._waiting += [event for event in self._parser.feed(replies) if not isinstance(event, PixelReport)]
+        hearing = ask(self._environment, self._send, self._next_input)
+        self.profile, self._known = detect(self._environment, hearing.replies, hearing.tmux), True
+        typed = self._parser.feed(hearing.replies)
+        self._waiting += [event for event in typed if not isinstance(event, PixelReport | SizeReport)]
+        self._hearing = None if hearing.answered else hearing
+
+    def _next_input(self, timeout: float) -> bytes:
+        return self._device.read() if self._ready(timeout, self._device.input) else b""
+
+    def _learn(self) -> None:
+        """Take late answers as if they had come in time: a terminal may have been busy starting."""
+        if self._hearing is None or not self._hearing.answered:
+            return
+        before, hearing, self._hearing = self.profile, self._hearing, None
+        self.profile = detect(self._environment, hearing.replies, hearing.tmux)
+        self._set_cell_size(self.profile.cell_size)
+        self._send(turn_on(self.profile, before))
+        self._waiting.append(Resize(self.size()))
 
     def _close(self) -> None:
         try:
@@ -198,11 +223,13 @@ class Session:
 
     def _hear_out(self) -> None:
         """Wait for answers still on their way: the shell would take them for something typed."""
-        deadline = time.monotonic() + probe.patience(self._environment)
-        while self._unanswered and (left := deadline - time.monotonic()) > 0:
+        deadline = time.monotonic() + (REMOTE_SECONDS if self.is_remote else LOCAL_SECONDS)
+        while (self._unanswered or self._hearing) and (left := deadline - time.monotonic()) > 0:
             if self._ready(left, self._device.input):
                 self._receive()
-        self._unanswered = 0
+            if self._hearing and self._hearing.answered:
+                self._hearing = None
+        self._unanswered, self._hearing = 0, None
 
     def _send(self, screen: bytes, patience: float = STALL_SECONDS, *sources: int | Signals) -> None:
         """Write all bytes as the terminal takes them, and heed what comes from ``sources`` meanwhile."""
@@ -231,17 +258,25 @@ class Session:
         return readable + writable
 
     def _receive(self) -> None:
-        parsed = self._parser.feed(self._device.read())
+        parsed = self._parser.feed(self._read())
         if self._parser.pending:
             more = self._ready(ESCAPE_DELAY, self._device.input)
-            parsed += self._parser.feed(self._device.read()) if more else self._parser.flush()
+            parsed += self._parser.feed(self._read()) if more else self._parser.flush()
         for event in parsed:
-            if isinstance(event, PixelReport):
+            if isinstance(event, PixelReport | SizeReport):
                 self._measure(event)
                 continue
             if isinstance(event, Answered):
                 self._unanswered = max(0, self._unanswered - 1)
             self._waiting.append(event)
+
+    def _read(self) -> bytes:
+        received = self._device.read()
+        if self._hearing:
+            self._hearing.take(received, REMOTE_SECONDS)
+            if len(self._hearing.replies) > _LATE_BYTES:
+                self._hearing = None
+        return received
 
     def _heed(self) -> None:
         signals, self._signalled = self._signalled, set()
@@ -253,21 +288,33 @@ class Session:
             self._take()
             self._waiting.append(Resize(self.size()))
         elif signal.SIGWINCH in signals:
+            self._reported = None
             self._waiting.append(Resize(self.size()))
-            self._send(probe.size_questions(self.profile))
+            self._send(size_questions(self.profile))
 
-    def _measure(self, report: PixelReport) -> None:
-        """Take the size of a cell from a late answer; another size than before is a `Resize`."""
-        before, columns_rows = self.size(), self._device.window_size()[:2]
-        if report.kind == 6:
+    def _measure(self, report: PixelReport | SizeReport) -> None:
+        """Take sizes from a late answer or a new size; another size than before is a `Resize`."""
+        before = self.size()
+        if isinstance(report, SizeReport):
+            # What came last is right: over SSH, the kernel may learn of it earlier or later.
+            self._reported = report.columns, report.rows
+            if self.profile.cell_size:
+                self._set_cell_size(_cell_size(report.columns, report.rows, report.width, report.height))
+        elif report.kind == 6:
             self._set_cell_size((report.width, report.height))
         elif self.profile.cell_size is None:
-            self._set_cell_size(_cell_size(*columns_rows, report.width, report.height))
+            self._set_cell_size(_cell_size(*self._window_size()[:2], report.width, report.height))
         if self.size() != before:
             self._waiting.append(Resize(self.size()))
 
+    def _window_size(self) -> tuple[int, int, int, int]:
+        columns, rows, width, height = self._device.window_size()
+        if self._reported in (None, (columns, rows)):
+            return columns, rows, width, height
+        return (*self._reported, 0, 0)
+
     def _set_cell_size(self, cell_size: tuple[int, int] | None) -> None:
-        columns, rows = self._device.window_size()[:2]
+        columns, rows = self._window_size()[:2]
         self._cell_size = cell_size or _cell_size(columns, rows, *(self.profile.window_size or (0, 0)))
         if cell_size and reports_pixels(self.profile):
             self._parser.mouse_unit = cell_size
