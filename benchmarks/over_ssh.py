@@ -27,11 +27,8 @@ import ptyprocess
 from rich.console import Console
 from rich.table import Table
 
-if __package__ in (None, ""):
-    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-
-from benchmarks.relay import Relay
-from benchmarks.sshd import Sshd
+from relay import Relay
+from sshd import Sshd
 
 COLUMNS, ROWS, CELL = 120, 40, (10, 20)
 START_SECONDS, TURN_SECONDS, STALL_SECONDS = 60.0, 4.0, 5.0
@@ -137,7 +134,9 @@ def measure(scene: str, output: str, mbit: float, round_trip: float, taps: int) 
         relay = stack.enter_context(Relay(sshd.port, mbit * 1e6 / 8, round_trip / 2e3))
         viewer = f"{sys.executable} -m tsplat {scene} --output {output}"
         environment = {name: text for name, text in os.environ.items() if name.startswith("PYTHON")}
-        settings = " ".join(f"{name}='{text}'" for name, text in (environment | {"COLORTERM": "truecolor"}).items())
+        settings = " ".join(
+            f"{name}='{text}'" for name, text in (environment | {"COLORTERM": "truecolor"}).items()
+        )
         terminal = Terminal(output, sshd.client(relay.port, f"env {settings} {viewer}"))
         stack.callback(terminal.close)
         terminal.wait_for_frames(3, START_SECONDS)
@@ -190,9 +189,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--taps", type=int, default=20)
     chosen = parser.parse_args(arguments)
     if not (shutil.which("ssh") and Sshd.program()):
-        print("over_ssh: looked for ssh and sshd, which are not both there; install openssh-server", file=sys.stderr)
+        print(
+            "over_ssh: looked for ssh and sshd, which are not both there; install openssh-server", file=sys.stderr
+        )
         return 2
-    table = Table("link", "output", "key to frame, ms", "p95, ms", "frames/s", "kB a frame", "after a stall of 5 s")
+    table = Table(
+        "link", "output", "key to frame, ms", "p95, ms", "frames/s", "kB a frame", "after a stall of 5 s"
+    )
     missed = 0
     for mbit in map(float, chosen.mbit.split(",")):
         for output in chosen.outputs.split(","):

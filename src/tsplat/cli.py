@@ -109,8 +109,14 @@ def command() -> None:
 @_shared(
     "up", "antialias", "sh-degree", "background", "fov-y", "train-focal", "max-splats", "raw-opacity", "threads"
 )
-@click.option("--latency", type=click.FloatRange(10, 10_000), default=100, show_default=True, metavar="MS",
-              help="How long a frame may take on its way while the view moves.")
+@click.option(
+    "--latency",
+    type=click.FloatRange(10, 10_000),
+    default=100,
+    show_default=True,
+    metavar="MS",
+    help="How long a frame may take on its way while the view moves.",
+)
 @click.option("--width", type=click.IntRange(1, 1000), metavar="COLUMNS",
               help="Columns of a printed picture. [COLUMNS, else 80]")  # fmt: skip
 @click.option("--height", type=click.IntRange(1, 1000), metavar="ROWS", help="Rows of a printed picture.")

@@ -14,7 +14,15 @@ from tests.encode.frames import gradient
 from tsplat.encode import encoder
 from tsplat.encode.pieces import pieces, split
 
-SEQUENCES = (b"\x1b[3;4H", b"\x1b[0m", b"text", b"\x1b_Ga=t;QUJD\x1b\\", b"\x1bPtmux;\x1b\x1b_Gm=0;QQ\x1b\x1b\\\x1b\\", b"\x1b7", b"\x1b8")
+SEQUENCES = (
+    b"\x1b[3;4H",
+    b"\x1b[0m",
+    b"text",
+    b"\x1b_Ga=t;QUJD\x1b\\",
+    b"\x1bPtmux;\x1b\x1b_Gm=0;QQ\x1b\x1b\\\x1b\\",
+    b"\x1b7",
+    b"\x1b8",
+)
 
 
 @given(st.lists(st.sampled_from(SEQUENCES), max_size=40), st.integers(1, 60))
@@ -29,7 +37,9 @@ def test_pieces_are_whole_sequences_and_together_the_screen(parts: list[bytes], 
         for sequence in sorted(SEQUENCES, key=len, reverse=True):
             rest = rest.replace(sequence, b"")
         assert rest == b""
-        assert len(piece) <= size or len(re.findall(rb"(?<!\x1b)\x1b(?![\x1b\\])", piece.removeprefix(b"\x1b"))) <= 1
+        assert (
+            len(piece) <= size or len(re.findall(rb"(?<!\x1b)\x1b(?![\x1b\\])", piece.removeprefix(b"\x1b"))) <= 1
+        )
 
 
 @pytest.mark.parametrize("name", ["half", "half256"])
@@ -43,7 +53,9 @@ def test_a_frame_of_cells_in_pieces_leaves_the_screen_that_the_whole_frame_leave
         assert (len(found) > 5) is (size == 500)
         for piece in found:
             stream.feed(piece)
-        screens.append([[(c.data, c.fg, c.bg) for c in map(screen.buffer[y].__getitem__, range(42))] for y in range(26)])
+        screens.append(
+            [[(c.data, c.fg, c.bg) for c in map(screen.buffer[y].__getitem__, range(42))] for y in range(26)]
+        )
     assert screens[0] == screens[1]
 
 

@@ -20,7 +20,7 @@ def size_of(pacer: Pacer) -> int:
 
 @dataclass
 class Link:
-    """Bytes leave one after the other at a rate; the answer to a frame comes a round trip after its last byte left."""
+    """Bytes leave one after the other at a rate; a frame's answer comes a round trip after its last byte left."""
 
     rate: float
     round_trip: float

@@ -42,7 +42,8 @@ class FakeTerminal:
             return []
         self.starting = False
         if self.asked:
-            answers, self.asked = [Answered()] * self.asked, 0
+            answers: list[Event] = [Answered()] * self.asked
+            self.asked = 0
             return answers
         self.waits.append(timeout)
         assert len(self.waits) < 500, "the loop never comes to rest"
@@ -91,7 +92,11 @@ class FakePainter(Painter):
         return Drawn(np.zeros((2, 2, 3), np.uint8), 7, {"project": 1.0}, density)
 
     def encode(
-        self, state: ViewerState, frame: object, spans: Sequence[Span], fidelity: float = 1.0  # noqa: ARG002
+        self,
+        state: ViewerState,
+        frame: object,  # noqa: ARG002
+        spans: Sequence[Span],
+        fidelity: float = 1.0,  # noqa: ARG002
     ) -> tuple[EncodedFrame, bytes]:
         return EncodedFrame(b"(upload)", f"(draw {state.output})".encode()), painted(spans)
 

@@ -48,7 +48,7 @@ def split(screen: bytes, size: int) -> Iterator[bytes]:
 def _bands(
     encoder: Encoder, frame: U8, columns: int, rows: int, cell_size: tuple[int, int], size: int
 ) -> Iterator[bytes]:
-    """Yield bands of whole text rows, as high as their bytes allow; a picture in one sequence has no other pieces."""
+    """Yield bands of text rows, as high as their bytes allow: what is one escape sequence has no other pieces."""
     first, height = 0, rows
     while first < rows:
         last = min(first + height, rows)

@@ -33,7 +33,7 @@ MEMORY = 0.6
 """How much of what was learned of the link's rate is kept with every further frame."""
 
 FIRST_PIECE = 16 << 10
-"""Bytes of the first piece of a picture; each may have twice as many as the largest that was answered before it."""
+"""Bytes of the first piece of a picture; each may have twice as many as the largest answered before it."""
 
 
 @dataclass(frozen=True, slots=True)

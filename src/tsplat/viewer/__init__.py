@@ -44,7 +44,7 @@ def view(
     raw_opacity : bool
         Whether the scene was loaded with raw opacities.
     latency : float
-        Seconds that a frame may take on its way while the view moves; less of it is sent where it would take longer.
+        Seconds that a frame may take on its way while the view moves; what would take longer is sent coarser.
 
     Raises
     ------

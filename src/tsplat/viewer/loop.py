@@ -48,7 +48,7 @@ class Terminal(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Screen:
-    """What was written last: the seen part of the state, its text, how the picture got there, and how good it is."""
+    """What was written last: the seen part of the state, its text, the picture's way there, and how good it is."""
 
     seen: tuple[object, ...]
     spans: list[Span]

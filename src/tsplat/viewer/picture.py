@@ -85,9 +85,9 @@ class Painter:
         return encoded, painted(spans, backgrounds=state.output != "kitty")
 
     def pieces(self, state: ViewerState, frame: U8, spans: Sequence[Span], size: int) -> Iterator[bytes]:
-        """Yield a frame in pieces of about ``size`` bytes; see `tsplat.encode.pieces`. The text comes with the last.
+        """Yield a frame in pieces of about ``size`` bytes; see `tsplat.encode.pieces`.
 
-        Text that is on screen stays there: pictures in bands are followed by what they covered of it.
+        Text over it comes with the last; where a piece covers text that is on screen, with each.
         """
         columns, rows = state.size.columns, picture_rows(state.size, state.output)
         chosen = self.choose(state)
@@ -112,7 +112,7 @@ class Painter:
         return self.encoder.abandon() if self.encoder else b""
 
     def _under_text(self, state: ViewerState, frame: U8, spans: Sequence[Span]) -> U8:
-        """Return a frame with the backgrounds of the text in it, where some terminals blend them wrongly over it."""
+        """Return a frame with the backgrounds of the text in it, where terminals may blend them wrongly over it."""
         if state.output != "kitty" or not spans:
             return frame
         return shaded(frame, spans, state.size.columns, picture_rows(state.size, state.output))
