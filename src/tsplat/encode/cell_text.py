@@ -25,8 +25,8 @@ UNKNOWN = -1
 BYTES_PER_CELL, BYTES_PER_ROW = 48, 32
 """Most bytes that one cell, with a move before it, and the way to a row need."""
 
-_DIGITS = np.array([list(b"%3d" % value) for value in range(256)], np.uint8)
-_SKIPPED = np.array([3 - len(str(value)) for value in range(256)], np.uint8)
+_DIGITS = np.array([[*str(value).ljust(3).encode(), len(str(value))] for value in range(256)], np.uint8)
+"""Each byte in digits, then how many they are."""
 
 
 class Font(NamedTuple):
@@ -115,29 +115,32 @@ def write(glyphs, colors, shown, shown_colors, font, slack, start, text):
 
 
 @part
+def _put(text, end, byte):
+    # Numba checks whether a signed index is negative, which takes longer than the rest.
+    text[np.uint64(end)] = byte
+    return end + 1
+
+
+@part
 def _put_down(text, end, rows):
     """Write the way from anywhere to the first column, so many rows further down."""
     # Save and restore find the first column again wherever the picture is, even after a row that ends in
     # the terminal's last column; saving again each row is for terminals that forget.
-    text[end], text[end + 1] = 27, 56
-    end = _put_move(text, end + 2, rows, 66)
-    text[end], text[end + 1] = 27, 55
-    return end + 2
+    end = _put(text, _put(text, end, 27), 56)
+    end = _put_move(text, end, rows, 66)
+    return _put(text, _put(text, end, 27), 55)
 
 
 @part
 def _put_move(text, end, count, letter):
-    text[end], text[end + 1] = 27, 91
-    end += 2
+    end = _put(text, _put(text, end, 27), 91)
     scale = 1
     while scale * 10 <= count:
         scale *= 10
     while scale > 0 and count > 1:
-        text[end] = 48 + count // scale % 10
-        end += 1
+        end = _put(text, end, 48 + count // scale % 10)
         scale //= 10
-    text[end] = letter
-    return end + 1
+    return _put(text, end, letter)
 
 
 @part
@@ -220,47 +223,41 @@ def _put_cell(text, end, row, column, glyphs, colors, shown, shown_colors, font,
 
 @part
 def _put_glyph(text, end, font, glyph):
-    for i in range(font.lengths[glyph]):
-        text[end + i] = font.text[glyph, i]
-    return end + font.lengths[glyph]
+    # Four bytes always, of which some are overwritten, take less time than as many as there are.
+    for i in range(4):
+        _put(text, end + i, font.text[np.uint64(glyph), i])
+    return end + np.int64(font.lengths[np.uint64(glyph)])
 
 
 @part
 def _put_colors(text, end, needed, fore, back, fore_set, back_set, number):
-    text[end], text[end + 1] = 27, 91
-    end += 2
+    end = _put(text, _put(text, end, 27), 91)
     if needed & 1:
         end, fore_set = _put_color(text, end, fore, number, 30), fore
     if needed == 3:
-        text[end] = 59  # ;
-        end += 1
+        end = _put(text, end, 59)  # ;
     if needed & 2:
         end, back_set = _put_color(text, end, back, number, 40), back
-    text[end] = 109  # m
-    return end + 1, fore_set, back_set
+    return _put(text, end, 109), fore_set, back_set
 
 
 @part
 def _put_color(text, end, code, number, base):
-    """Write the parameters that set a color; ``base`` is 30 for the foreground, 40 for the background."""
+    """Write the parameters that set a colour; ``base`` is 30 for the foreground, 40 for the background."""
     if number == 16:
         index = code >> 24
         return _put_byte(text, end, base + index if index < 8 else base + 52 + index)
     end = _put_byte(text, end, base + 8)
-    text[end], text[end + 1] = 59, 50 if number > 256 else 53  # 2 or 5
-    end += 2
+    end = _put(text, _put(text, end, 59), 50 if number > 256 else 53)  # ;2 or ;5
     if number > 256:
-        text[end] = 59
-        end = _put_byte(text, end + 1, code >> 16 & 255)
-        text[end] = 59
-        end = _put_byte(text, end + 1, code >> 8 & 255)
-    text[end] = 59
-    return _put_byte(text, end + 1, code & 255 if number > 256 else code >> 24)
+        end = _put_byte(text, _put(text, end, 59), code >> 16 & 255)
+        end = _put_byte(text, _put(text, end, 59), code >> 8 & 255)
+        return _put_byte(text, _put(text, end, 59), code & 255)
+    return _put_byte(text, _put(text, end, 59), code >> 24)
 
 
 @part
 def _put_byte(text, end, value):
-    skipped = int(_SKIPPED[value])
-    for i in range(skipped, 3):
-        text[end + i - skipped] = _DIGITS[value, i]
-    return end + 3 - skipped
+    for i in range(3):
+        _put(text, end + i, _DIGITS[np.uint64(value), i])
+    return end + np.int64(_DIGITS[np.uint64(value), 3])

@@ -51,6 +51,7 @@ class Cells:
         self._font = cell_text.font(self._shape, self.colors)
         self._shown: I16 = np.empty((0, 0), np.int16)
         self._shown_colors: U32 = np.empty((0, 0, 2), np.uint32)
+        self._text: U8 = np.empty(0, np.uint8)
 
     def pixels_per_cell(self, cell_width: int, cell_height: int) -> tuple[int, int]:  # noqa: ARG002
         """Return the pixels of the shape, whatever the cell."""
@@ -69,8 +70,16 @@ class Cells:
         if slack > 0:
             place = picture, self._shape.across, self._shape.down, self._shape.lit
             quantize.keep(*place, np.float32(slack), glyphs, colors, self._shown, self._shown_colors)
-        changed = self._write(glyphs, colors, self._shown, self._shown_colors, slack, NONE if self.colors == 0 else UNKNOWN)
-        return EncodedFrame(b"", _RESET + b"\x1b7" + changed + b"\x1b8" + _RESET if changed else b"")
+        draw = self._write(
+            glyphs,
+            colors,
+            self._shown,
+            self._shown_colors,
+            slack=slack,
+            start=NONE if self.colors == 0 else UNKNOWN,
+            around=(_RESET + b"\x1b7", b"\x1b8" + _RESET),
+        )
+        return EncodedFrame(b"", draw)
 
     def lines(self, frame: U8) -> list[bytes]:
         """Return one row of cells after another for printing: no cursor moves, colours reset at each end.
@@ -98,7 +107,9 @@ class Cells:
         shown_colors = np.zeros((rows, columns, 2), np.uint32)
         end = b"\n" if self.colors == 0 else _RESET + b"\n"
         return [
-            self._write(glyphs[at], colors[at], unknown[at], shown_colors[at], 0, NONE) + end
+            self._write(
+                glyphs[at], colors[at], unknown[at], shown_colors[at], slack=0, start=NONE, around=(b"", end)
+            )
             for at in (slice(row, row + 1) for row in range(rows))
         ]
 
@@ -134,11 +145,25 @@ class Cells:
             quantize.quantize(*place, self.colors, self._search, colors, glyphs)
         return glyphs, colors
 
-    def _write(self, glyphs: U8, colors: U32, shown: I16, shown_colors: U32, slack: int, start: int) -> bytes:
+    def _write(
+        self, glyphs: U8, colors: U32, shown: I16, shown_colors: U32, *, slack: int, start: int, around: tuple[bytes, bytes]
+    ) -> bytes:
+        """Return the cells that changed, with something before and behind them if there are any."""
         rows, columns = glyphs.shape
-        text = np.empty(rows * (columns * BYTES_PER_CELL + BYTES_PER_ROW), np.uint8)
-        end = cell_text.write(glyphs, colors, shown, shown_colors, self._font, slack, start, text)
-        return text[:end].tobytes()
+        before, behind = (np.frombuffer(part, np.uint8) for part in around)
+        room = len(before) + rows * (columns * BYTES_PER_CELL + BYTES_PER_ROW) + len(behind)
+        if len(self._text) < room:
+            # Kept, for it takes longer to get from the system than to fill.
+            self._text = np.empty(room, np.uint8)
+        self._text[: len(before)] = before
+        end = cell_text.write(
+            glyphs, colors, shown, shown_colors, self._font, slack, start, self._text[len(before) :]
+        )
+        if end == 0:
+            return b""
+        end += len(before)
+        self._text[end : end + len(behind)] = behind
+        return self._text[: end + len(behind)].tobytes()
 
 
 class HalfBlocks(Cells):

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tsplat._jit import kernel, part
-from tsplat._lanes import LANES, fma, load, splat, store, where_above
+from tsplat._lanes import LANES, fma, load, maximum, splat, store, where_above, where_at_least
 from tsplat.encode.glyphs import Shape
 
 F32 = npt.NDArray[np.float32]
@@ -68,40 +68,39 @@ def search(shape: Shape) -> Search:
 def split(picture, across, down, search, glyphs, colors):
     """Find the best pattern of each cell and its colours, foreground and background, in 24 bits."""
     rows, columns = glyphs.shape
-    values, found = np.empty(3 * across * down * LANES, np.float32), np.empty(LANES, np.float32)
+    values, found = np.empty(3 * (across * down + 1) * LANES, np.float32), np.empty(7 * LANES, np.float32)
     for row in range(rows):
         for left in range(0, columns, LANES):
-            _gather(picture, across, down, row, left, columns, values)
-            if search.centred:
-                _centre(values, across * down)
+            cells = min(LANES, columns - left)
+            _gather(picture, across, down, row, left, cells, values)
+            _centre(values, across * down, search.centred)
             _try_all(values, search, found)
-            for lane in range(min(LANES, columns - left)):
-                column = left + lane
-                glyph = int(found[lane])
-                fore, back = means(picture, across, down, row, column, glyph)
-                if not search.centred:
-                    fore, back = (fore if glyph > 0 else 0), 0
-                glyphs[row, column] = search.first if fore == back else glyph
-                colors[row, column, 0], colors[row, column, 1] = fore, back
+            _color_all(values, across * down, search.centred, found)
+            for lane in range(cells):
+                fore, back = _rounded(found, LANES + lane), _rounded(found, 4 * LANES + lane)
+                glyph = np.int64(found[lane])
+                glyphs[row, left + lane] = search.first if fore == back else glyph
+                colors[row, left + lane, 0], colors[row, left + lane, 1] = fore, back
 
 
 @part
-def _gather(picture, across, down, row, left, columns, values):
-    """Copy the pixels of eight cells, each channel of each pixel as eight lanes; the last cell stands for more."""
-    at = 0
+def _gather(picture, across, down, row, left, cells, values):
+    """Copy the pixels of up to eight cells, each channel of each pixel as eight lanes."""
+    at = np.uint64(0)
     for y in range(row * down, (row + 1) * down):
         for x in range(across):
-            for channel in range(3):
-                for lane in range(LANES):
-                    column = min(left + lane, columns - 1)
-                    values[at + lane] = picture[y, column * across + x, channel]
-                at += LANES
+            for lane in range(cells):
+                column, to = np.uint64((left + lane) * across + x), at + np.uint64(lane)
+                values[to] = picture[np.uint64(y), column, 0]
+                values[to + np.uint64(LANES)] = picture[np.uint64(y), column, 1]
+                values[to + np.uint64(2 * LANES)] = picture[np.uint64(y), column, 2]
+            at += np.uint64(3 * LANES)
 
 
 @part
-def _centre(values, count):
-    """Take the mean of all pixels from each."""
-    share = splat(np.float32(1.0 / count))
+def _centre(values, count, centred):
+    """Take the mean of all pixels from each and put it behind them; black, where cells are not to be centred."""
+    share = splat(np.float32(1.0 / count if centred else 0.0))
     for channel in range(3):
         total = splat(np.float32(0.0))
         for i in range(count):
@@ -110,6 +109,7 @@ def _centre(values, count):
         for i in range(count):
             at = (3 * i + channel) * LANES
             store(values, at, load(values, at) - mean)
+        store(values, (3 * count + channel) * LANES, mean)
 
 
 @part
@@ -130,29 +130,35 @@ def _try_all(values, search, found):
 
 
 @part
-def means(picture, across, down, row, column, glyph):
-    """Return the mean colours of the pixels that a pattern lights and of the others; one for both where none are."""
-    red = green = blue = lit_red = lit_green = lit_blue = lit = i = 0
-    for y in range(row * down, (row + 1) * down):
-        for x in range(column * across, (column + 1) * across):
-            r, g, b = int(picture[y, x, 0]), int(picture[y, x, 1]), int(picture[y, x, 2])
-            mask = -(glyph >> i & 1)
-            red, green, blue = red + r, green + g, blue + b
-            lit_red, lit_green, lit_blue = lit_red + (r & mask), lit_green + (g & mask), lit_blue + (b & mask)
-            lit -= mask
-            i += 1
-    others = i - lit
-    fore = _mean(lit_red, lit_green, lit_blue, lit)
-    back = _mean(red - lit_red, green - lit_green, blue - lit_blue, others)
-    return (fore if lit > 0 else back), (back if others > 0 else fore)
+def _color_all(values, count, centred, found):
+    """Put behind the patterns the mean colours of the pixels that they light, then of the others."""
+    one = splat(np.float32(1.0))
+    red = green = blue = lit = splat(np.float32(0.0))
+    rest = load(found, 0)
+    for i in range(count - 1, -1, -1):
+        bit = splat(np.float32(1 << i))
+        taken = where_at_least(rest, bit, one)
+        rest = rest - taken * bit
+        lit = lit + taken
+        red = fma(taken, load(values, 3 * i * LANES), red)
+        green = fma(taken, load(values, (3 * i + 1) * LANES), green)
+        blue = fma(taken, load(values, (3 * i + 2) * LANES), blue)
+    _put_means(values, 3 * count * LANES, red, green, blue, one / maximum(lit, one), found, LANES)
+    # All pixels together are nought; what is not lit is the rest of it.
+    others = splat(np.float32(0.0)) - one / maximum(splat(np.float32(count)) - lit, one)
+    share = others if centred else splat(np.float32(0.0))
+    _put_means(values, 3 * count * LANES, red, green, blue, share, found, 4 * LANES)
 
 
 @part
-def _mean(red, green, blue, count):
-    share = np.float32(1.0) / np.float32(max(count, 1))
+def _put_means(values, mean, red, green, blue, share, found, at):
+    store(found, at, fma(red, share, load(values, mean)))
+    store(found, at + LANES, fma(green, share, load(values, mean + LANES)))
+    store(found, at + 2 * LANES, fma(blue, share, load(values, mean + 2 * LANES)))
+
+
+@part
+def _rounded(found, at):
     half = np.float32(0.5)
-    return (
-        int(np.float32(red) * share + half) << 16
-        | int(np.float32(green) * share + half) << 8
-        | int(np.float32(blue) * share + half)
-    )
+    red, green, blue = found[at] + half, found[at + LANES] + half, found[at + 2 * LANES] + half
+    return np.int64(red) << 16 | np.int64(green) << 8 | np.int64(blue)

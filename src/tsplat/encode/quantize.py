@@ -39,11 +39,18 @@ def _code(color, number):
 @part
 def _assign(picture, across, down, row, column, fore, back, centred):
     """Return the pattern that gives each pixel the nearer colour, with the last pixel unlit if colours can swap."""
+    red, green, blue = fore >> 16 & 255, fore >> 8 & 255, fore & 255
+    other_red, other_green, other_blue = back >> 16 & 255, back >> 8 & 255, back & 255
+    # Which is nearer depends on which side of the plane halfway between them the pixel lies.
+    r, g, b = 2 * (red - other_red), 2 * (green - other_green), 2 * (blue - other_blue)
+    plane = red * red + green * green + blue * blue
+    plane -= other_red * other_red + other_green * other_green + other_blue * other_blue
     glyph = i = 0
     for y in range(row * down, (row + 1) * down):
         for x in range(column * across, (column + 1) * across):
-            r, g, b = int(picture[y, x, 0]), int(picture[y, x, 1]), int(picture[y, x, 2])
-            glyph |= int(_distance(r, g, b, fore) < _distance(r, g, b, back)) << i
+            u, v = np.uint64(y), np.uint64(x)
+            side = r * int(picture[u, v, 0]) + g * int(picture[u, v, 1]) + b * int(picture[u, v, 2])
+            glyph |= np.int64(side > plane) << i
             i += 1
     every = (1 << i) - 1
     if glyph == 0:
@@ -55,12 +62,6 @@ def _assign(picture, across, down, row, column, fore, back, centred):
     if glyph >> (i - 1):
         return every ^ glyph, back, fore
     return glyph, fore, back
-
-
-@part
-def _distance(red, green, blue, code):
-    r, g, b = red - (code >> 16 & 255), green - (code >> 8 & 255), blue - (code & 255)
-    return r * r + g * g + b * b
 
 
 @kernel
@@ -90,12 +91,20 @@ def _error(picture, across, down, row, column, lit, fore, back):
     """Return the squared error of a cell's pixels against what a glyph and its colours show."""
     total = np.float32(0.0)
     i = 0
+    low_red, low_green, low_blue = _channels(back)
+    red, green, blue = _channels(fore)
+    red, green, blue = red - low_red, green - low_green, blue - low_blue
     for y in range(row * down, (row + 1) * down):
         for x in range(column * across, (column + 1) * across):
-            for channel in range(3):
-                shift = 16 - 8 * channel
-                low, high = np.float32(back >> shift & 255), np.float32(fore >> shift & 255)
-                difference = low + lit[i] * (high - low) - np.float32(picture[y, x, channel])
-                total += difference * difference
+            u, v, share = np.uint64(y), np.uint64(x), lit[np.uint64(i)]
+            r = low_red + share * red - np.float32(picture[u, v, 0])
+            g = low_green + share * green - np.float32(picture[u, v, 1])
+            b = low_blue + share * blue - np.float32(picture[u, v, 2])
+            total += r * r + g * g + b * b
             i += 1
     return total
+
+
+@part
+def _channels(code):
+    return np.float32(code >> 16 & 255), np.float32(code >> 8 & 255), np.float32(code & 255)

@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from tsplat._jit import kernel, part
-from tsplat.encode.fit import means
-
 LUMA = 54, 183, 19
 """How bright each primary looks, ITU-R BT.709, in 256 parts."""
 
@@ -22,8 +20,7 @@ def shade(picture, across, down, ink, glyphs, colors):
     rows, columns = glyphs.shape
     for row in range(rows):
         for column in range(columns):
-            _, mean = means(picture, across, down, row, column, 0)
-            red, green, blue = mean >> 16, mean >> 8 & 255, mean & 255
+            red, green, blue = _mean(picture, across, down, row, column)
             glyph = 0
             while glyph < len(ink) - 1 and ink[glyph] * np.float32(255.0) < max(red, green, blue):
                 glyph += 1
@@ -31,9 +28,20 @@ def shade(picture, across, down, ink, glyphs, colors):
             share = np.float32(1.0) / max(ink[glyph], np.float32(1e-3))
             colors[row, column, 0] = 0
             if glyph > 0:
-                fore = int(np.float32(red) * share) << 16 | int(np.float32(green) * share) << 8
-                colors[row, column, 0] = fore | int(np.float32(blue) * share)
+                half = np.float32(0.5)
+                fore = np.int64(red * share + half) << 16 | np.int64(green * share + half) << 8
+                colors[row, column, 0] = fore | np.int64(blue * share + half)
             colors[row, column, 1] = 0
+
+
+@part
+def _mean(picture, across, down, row, column):
+    red = green = blue = 0
+    for y in range(row * down, (row + 1) * down):
+        for x in range(column * across, (column + 1) * across):
+            red, green, blue = red + picture[y, x, 0], green + picture[y, x, 1], blue + picture[y, x, 2]
+    share = np.float32(1.0 / (across * down))
+    return np.float32(red) * share, np.float32(green) * share, np.float32(blue) * share
 
 
 @kernel
