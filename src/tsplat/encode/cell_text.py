@@ -16,8 +16,8 @@ from tsplat.encode.glyphs import FULL_BLOCK, Shape
 U8 = npt.NDArray[np.uint8]
 
 NONE = 0xFFFFFFFF
-"""Code of no colour, where none is wanted or the terminal's own is set. Other codes are the red, green and blue that
-a cell shows, 8 bits each, below the number of the colour in its palette."""
+"""Code of no colour, where none is wanted or the terminal's own is set. Other codes are the red, green and blue
+that a cell shows, 8 bits each, below the number of the colour in its palette."""
 
 UNKNOWN = -1
 """Stands for the colours set, or for a glyph on screen, that nobody knows."""

@@ -12,6 +12,7 @@ from tsplat.encode.protocol import U8, EncodedFrame
 from tsplat.encode.resample import check, resample
 from tsplat.errors import OptionError
 
+F32 = npt.NDArray[np.float32]
 U32 = npt.NDArray[np.uint32]
 I16 = npt.NDArray[np.int16]
 
@@ -48,6 +49,8 @@ class Cells:
         self.fidelity = 1.0
         self._shape = shape(name.removesuffix("256"))
         self._search = fit.search(self._shape)
+        by_pattern = self._shape.free > 0 or self._shape.background
+        self._ramp: F32 | None = None if by_pattern else self._shape.lit[:, 0].copy()
         self._font = cell_text.font(self._shape, self.colors)
         self._shown: I16 = np.empty((0, 0), np.int16)
         self._shown_colors: U32 = np.empty((0, 0, 2), np.uint32)
@@ -60,16 +63,15 @@ class Cells:
     def encode(self, frame: U8, columns: int, rows: int, cell_size: tuple[int, int]) -> EncodedFrame:  # noqa: ARG002
         """Draw a frame over text cells; see `Encoder.encode`."""
         check(frame, columns, rows)
-        picture = resample(frame, columns * self._shape.across, rows * self._shape.down)
-        picture = np.ascontiguousarray(picture)
+        picture = self._spread(resample(frame, columns * self._shape.across, rows * self._shape.down))
         if self._shown.shape != (rows, columns):
             self._shown = np.full((rows, columns), UNKNOWN, np.int16)
             self._shown_colors = np.zeros((rows, columns, 2), np.uint32)
         glyphs, colors = self._fit(picture, rows, columns)
         slack = round((TOLERANCE * (1.0 - min(max(self.fidelity, 0.0), 1.0))) ** 2)
-        if slack > 0:
-            place = picture, self._shape.across, self._shape.down, self._shape.lit
-            quantize.keep(*place, np.float32(slack), glyphs, colors, self._shown, self._shown_colors)
+        # With no slack it does nothing, but is compiled before the first frame that needs it.
+        place = picture, self._shape.across, self._shape.down, self._shape.lit
+        quantize.keep(*place, np.float32(slack), glyphs, colors, self._shown, self._shown_colors)
         draw = self._write(
             glyphs,
             colors,
@@ -100,8 +102,8 @@ class Cells:
         rows, columns = -(-height // self._shape.down), -(-width // self._shape.across)
         missing = rows * self._shape.down - height, columns * self._shape.across - width
         picture = np.pad(frame, ((0, missing[0]), (0, missing[1]), (0, 0)), mode="edge")
-        glyphs, colors = self._fit(picture, rows, columns)
-        if missing[0] and self._shape.down == 2 and self.colors:
+        glyphs, colors = self._fit(self._spread(picture), rows, columns)
+        if missing[0] and self.name.startswith("half"):
             colors[-1, :, 1] = NONE
         unknown = np.full((rows, columns), UNKNOWN, np.int16)
         shown_colors = np.zeros((rows, columns, 2), np.uint32)
@@ -125,28 +127,45 @@ class Cells:
         self.forget(None)
         return b""
 
+    def _spread(self, picture: U8) -> U8:
+        """Return what is drawn: the picture, or one in which neighbours share out what 16 colours lack."""
+        # Kernels are compiled again for arrays that cannot be written, such as those from Pillow.
+        picture = np.require(picture, requirements=["C", "W"])
+        if self.colors != 16 or self._ramp is not None:
+            return picture
+        result = np.empty_like(picture)
+        tones.spread(picture, result)
+        return result
+
     def _fit(self, picture: U8, rows: int, columns: int) -> tuple[U8, U32]:
         """Return the number of the glyph, and the codes of the colours, of each cell."""
         glyphs = np.zeros((rows, columns), np.uint8)
         colors = np.full((rows, columns, 2), NONE, np.uint32)
-        ramp = self._shape.lit[:, 0].copy() if self._shape.free == 0 and not self._shape.background else None
         place = picture, self._shape.across, self._shape.down
         if self.colors == 0:
-            if ramp is None:
+            if self._ramp is None:
                 tones.dither(*place, glyphs)
             else:
-                tones.grade(*place, ramp, glyphs)
+                tones.grade(*place, self._ramp, glyphs)
             return glyphs, colors
-        if ramp is None:
+        if self._ramp is None:
             fit.split(*place, self._search, glyphs, colors)
         else:
-            tones.shade(*place, ramp, glyphs, colors)
+            tones.shade(*place, self._ramp, glyphs, colors)
         if self.colors <= 256:
             quantize.quantize(*place, self.colors, self._search, colors, glyphs)
         return glyphs, colors
 
     def _write(
-        self, glyphs: U8, colors: U32, shown: I16, shown_colors: U32, *, slack: int, start: int, around: tuple[bytes, bytes]
+        self,
+        glyphs: U8,
+        colors: U32,
+        shown: I16,
+        shown_colors: U32,
+        *,
+        slack: int,
+        start: int,
+        around: tuple[bytes, bytes],
     ) -> bytes:
         """Return the cells that changed, with something before and behind them if there are any."""
         rows, columns = glyphs.shape

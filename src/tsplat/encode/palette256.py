@@ -25,7 +25,8 @@ COLORS = _palette()
 
 def _nearest_level(values: range, levels: tuple[int, ...], scale: int) -> U8:
     distance = np.abs(np.array(values)[:, None] - scale * np.array(levels)[None, :])
-    return distance.argmin(axis=1).astype(np.uint8)
+    nearest: U8 = distance.argmin(axis=1).astype(np.uint8)
+    return nearest
 
 
 _CUBE_INDEX = _nearest_level(range(256), CUBE_LEVELS, 1)

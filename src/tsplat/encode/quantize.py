@@ -6,11 +6,12 @@ import numpy as np
 
 from tsplat._jit import kernel, part
 from tsplat.encode import palette16, palette256
+from tsplat.encode.cell_text import NONE
 
 
 @kernel
 def quantize(picture, across, down, number, search, colors, glyphs):
-    """Take the nearest of 16 or 256 colours; where a pattern can follow, each pixel goes to the nearer of its two."""
+    """Take the nearest of 16 or 256 colours, and patterns where each pixel has the nearer of its two."""
     rows, columns = glyphs.shape
     for row in range(rows):
         for column in range(columns):
@@ -38,14 +39,14 @@ def _code(color, number):
 
 @part
 def _assign(picture, across, down, row, column, fore, back, centred):
-    """Return the pattern that gives each pixel the nearer colour, with the last pixel unlit if colours can swap."""
+    """Return the pattern that gives each pixel the nearer colour; the last one is unlit if colours can swap."""
     red, green, blue = fore >> 16 & 255, fore >> 8 & 255, fore & 255
     other_red, other_green, other_blue = back >> 16 & 255, back >> 8 & 255, back & 255
     # Which is nearer depends on which side of the plane halfway between them the pixel lies.
     r, g, b = 2 * (red - other_red), 2 * (green - other_green), 2 * (blue - other_blue)
     plane = red * red + green * green + blue * blue
     plane -= other_red * other_red + other_green * other_green + other_blue * other_blue
-    glyph = i = 0
+    glyph, i = np.int64(0), 0
     for y in range(row * down, (row + 1) * down):
         for x in range(column * across, (column + 1) * across):
             u, v = np.uint64(y), np.uint64(x)
@@ -67,16 +68,18 @@ def _assign(picture, across, down, row, column, fore, back, centred):
 @kernel
 def keep(picture, across, down, lit, slack, glyphs, colors, shown, shown_colors):
     """Leave cells as they are on screen where that adds at most ``slack`` to the squared error of each pixel."""
+    if slack <= 0:
+        return
     rows, columns = glyphs.shape
     for row in range(rows):
         for column in range(columns):
             if shown[row, column] < 0:
                 continue
             glyph = lit[shown[row, column]]
-            fore, back = int(shown_colors[row, column, 0]), int(shown_colors[row, column, 1])
+            fore, back = int(shown_colors[row, column, 0]), _ground(int(shown_colors[row, column, 1]))
             before = _error(picture, across, down, row, column, glyph, fore, back)
             glyph = lit[glyphs[row, column]]
-            fore, back = int(colors[row, column, 0]), int(colors[row, column, 1])
+            fore, back = int(colors[row, column, 0]), _ground(int(colors[row, column, 1]))
             after = _error(picture, across, down, row, column, glyph, fore, back)
             if before <= after + slack * (across * down):
                 glyphs[row, column] = shown[row, column]
@@ -84,6 +87,12 @@ def keep(picture, across, down, lit, slack, glyphs, colors, shown, shown_colors)
                     shown_colors[row, column, 0],
                     shown_colors[row, column, 1],
                 )
+
+
+@part
+def _ground(code):
+    # Without colours, what is not lit is taken for black; what is lit, for white, as the code happens to say.
+    return 0 if code == NONE else code
 
 
 @part

@@ -1,10 +1,11 @@
-"""Cells by brightness: a ramp of glyphs, and patterns where there is no colour."""
+"""Cells by brightness: a ramp of glyphs, patterns where there is no colour, and noise where colours are few."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from tsplat._jit import kernel, part
+
 LUMA = 54, 183, 19
 """How bright each primary looks, ITU-R BT.709, in 256 parts."""
 
@@ -12,6 +13,9 @@ _BAYER_2 = np.array([[0, 2], [3, 1]])
 _BAYER_4 = np.block([[4 * _BAYER_2, 4 * _BAYER_2 + 2], [4 * _BAYER_2 + 3, 4 * _BAYER_2 + 1]])
 THRESHOLDS = (256 * (16 * np.tile(_BAYER_4, (2, 2)) + np.kron(_BAYER_2, np.full((4, 4), 4)) + 2)).astype(np.int32)
 """Brightness, in 65536 parts, from which a pixel is lit where there is no colour; see `dither`."""
+
+SPREAD = 96
+"""How far apart `spread` moves pixels of one colour, of 255: a little less than the 16 colours are."""
 
 
 @kernel
@@ -46,7 +50,7 @@ def _mean(picture, across, down, row, column):
 
 @kernel
 def dither(picture, across, down, glyphs):
-    """Light a pixel where it is brighter than a threshold that differs from pixel to pixel, the same in each frame."""
+    """Light a pixel where it is brighter than its threshold, which is the same in each frame."""
     rows, columns = glyphs.shape
     for row in range(rows):
         for column in range(columns):
@@ -79,3 +83,15 @@ def grade(picture, across, down, ink, glyphs):
 def _luma(picture, y, x):
     red, green, blue = LUMA
     return red * int(picture[y, x, 0]) + green * int(picture[y, x, 1]) + blue * int(picture[y, x, 2])
+
+
+@kernel
+def spread(picture, result):
+    """Make pixels a little brighter or darker, in a pattern that is the same in each frame."""
+    height, width = picture.shape[:2]
+    for y in range(height):
+        for x in range(width):
+            offset = (np.int64(THRESHOLDS[y & 7, x & 7]) - 32768) * SPREAD >> 16
+            for channel in range(3):
+                value = np.int64(picture[np.uint64(y), np.uint64(x), channel]) + offset
+                result[np.uint64(y), np.uint64(x), channel] = max(0, min(255, value))
