@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
+
+import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from tsplat.bench.views import camera_path
-from tsplat.encode import FALLBACK_CELL, encoder
+from tsplat.encode import ENCODERS, FALLBACK_CELL, encoder
 from tsplat.encode.protocol import U8
 from tsplat.io import demo_path, load
 from tsplat.raster import rasterize
@@ -15,6 +18,10 @@ from tsplat.scene import Gaussians
 
 CELLS = (80, 24), (240, 67)
 """Columns and rows of a small and of a large terminal."""
+
+TEXT = [(name, colors) for colors in (1 << 24, 256, 16, 0) for name in ENCODERS[ENCODERS.index("octant") :]]
+TEXT_CELLS = 200, 60
+"""Cells, all of which change in every frame."""
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +35,7 @@ def frame(gaussians: Gaussians, width: int, height: int) -> U8:
 
 
 @pytest.mark.parametrize("cells", CELLS, ids=lambda cells: f"{cells[0]}x{cells[1]}")
-@pytest.mark.parametrize("name", ["half", "half256", "kitty", "sixel"])
+@pytest.mark.parametrize("name", ["kitty", "sixel"])
 def test_encoder(benchmark: BenchmarkFixture, demo: Gaussians, name: str, cells: tuple[int, int]) -> None:
     columns, rows = cells
     encode = encoder(name)
@@ -38,3 +45,30 @@ def test_encoder(benchmark: BenchmarkFixture, demo: Gaussians, name: str, cells:
     benchmark.group = f"encode {columns} x {rows} cells"
     encoded = benchmark(encode.encode, picture, columns, rows, FALLBACK_CELL)
     benchmark.extra_info["bytes"] = len(encoded.upload) + len(encoded.draw)
+
+
+@pytest.mark.parametrize("fidelity", [1.0, 0.5])
+@pytest.mark.parametrize(("name", "colors"), TEXT)
+def test_cells(benchmark: BenchmarkFixture, demo: Gaussians, name: str, colors: int, fidelity: float) -> None:
+    columns, rows = TEXT_CELLS
+    encode = encoder(name, colors)
+    across, down = encode.pixels_per_cell(*FALLBACK_CELL)
+    noise = np.random.default_rng(1).integers(0, 64, (rows * down, columns * across, 3), dtype=np.uint8)
+    picture = frame(demo, columns * across, rows * down) // 2 + noise
+    pictures = itertools.cycle([picture, picture[::-1].copy()])
+    encode.encode(next(pictures), columns, rows, FALLBACK_CELL)  # compiles
+    encode.fidelity = fidelity
+    benchmark.group = f"encode {columns} x {rows} cells, {colors} colours, fidelity {fidelity}"
+    encoded = benchmark(lambda: encode.encode(next(pictures), columns, rows, FALLBACK_CELL))
+    benchmark.extra_info["bytes"] = len(encoded.draw)
+
+
+@pytest.mark.parametrize("name", ["octant", "half", "ascii"])
+def test_cells_at_rest(benchmark: BenchmarkFixture, demo: Gaussians, name: str) -> None:
+    columns, rows = TEXT_CELLS
+    encode = encoder(name)
+    across, down = encode.pixels_per_cell(*FALLBACK_CELL)
+    picture = frame(demo, columns * across, rows * down)
+    encode.encode(picture, columns, rows, FALLBACK_CELL)
+    benchmark.group = f"encode {columns} x {rows} cells at rest"
+    assert benchmark(encode.encode, picture, columns, rows, FALLBACK_CELL).draw == b""

@@ -8,15 +8,11 @@ import pytest
 from hypothesis import given
 
 from tests.encode.frames import U8, frames, gradient
+from tests.encode.screens import XTERM_COLORS, show
+from tsplat.encode import palette16
 from tsplat.encode.cells import HalfBlocks
+from tsplat.encode.palette256 import nearest
 from tsplat.errors import OptionError
-
-
-def show(stream: bytes, columns: int, rows: int, at: tuple[int, int] = (0, 0)) -> pyte.Screen:
-    screen = pyte.Screen(columns, rows)
-    screen.cursor_position(at[1] + 1, at[0] + 1)
-    pyte.ByteStream(screen).feed(stream)
-    return screen
 
 
 def shown(screen: pyte.Screen, columns: int, rows: int, at: tuple[int, int] = (0, 0)) -> U8:
@@ -63,16 +59,22 @@ def test_a_terminal_with_256_colours_shows_the_nearest(frame: U8) -> None:
 
 
 def test_every_colour_of_a_fine_grid_gets_its_nearest_of_256() -> None:
-    from tsplat.encode.palette256 import nearest_index
-
     steps = np.arange(0, 256, 11, dtype=np.uint8)
     frame = np.stack(np.meshgrid(steps, steps, steps), axis=-1).reshape(1, -1, 3)
-    index = nearest_index(frame).astype(int)[0]
+    index = np.array([nearest(*color) for color in frame[0].astype(np.int64)])
     levels = np.array([0, 95, 135, 175, 215, 255])
     cube = levels[np.stack([(index - 16) // 36, (index - 16) // 6 % 6, (index - 16) % 6]) % 6].T
     ours = np.where(index[:, None] < 232, cube, 8 + 10 * (index[:, None] - 232))
     best = nearest_256(frame)[0].astype(np.int64)
     assert np.array_equal(((ours - frame[0]) ** 2).sum(axis=1), ((best - frame[0]) ** 2).sum(axis=1))
+
+
+def test_every_colour_of_a_fine_grid_gets_its_nearest_of_16() -> None:
+    steps = np.arange(0, 256, 15)
+    colors = np.stack(np.meshgrid(steps, steps, steps), axis=-1).reshape(-1, 3)
+    error = ((colors[:, None] - np.array(XTERM_COLORS)) ** 2).sum(axis=2)
+    index = [palette16.nearest(*color) for color in colors]
+    assert np.array_equal(error[np.arange(len(colors)), index], error.min(axis=1))
 
 
 def test_a_picture_drawn_in_the_bottom_right_corner_stays_there_and_scrolls_nothing() -> None:

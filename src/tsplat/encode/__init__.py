@@ -10,33 +10,42 @@ from tsplat.errors import OptionError
 
 __all__ = ["ENCODERS", "FALLBACK_CELL", "EncodedFrame", "Encoder", "encoder"]
 
-ENCODERS: tuple[str, ...] = ("kitty", "sixel", "half", "half256")
-"""Names of the encoders, best picture first."""
+ENCODERS: tuple[str, ...] = (
+    "kitty", "iterm2", "sixel", "octant", "sextant", "quadrant", "half", "half256", "braille", "ascii",
+)  # fmt: skip
+"""Names of the encoders, best picture first; those from octant on are text."""
 
 
-def encoder(name: str) -> Encoder:
+def encoder(name: str, colors: int = 1 << 24) -> Encoder:
     """Return a new encoder.
 
     Parameters
     ----------
-    name : {"kitty", "sixel", "half", "half256"}
-        Kitty graphics, sixel graphics, or half blocks in 24-bit or 256 colours.
+    name : str
+        One of `ENCODERS`: kitty graphics, iTerm2 pictures, sixel graphics, or text cells of 2x4, 2x3, 2x2 or 1x2
+        pixels (half256 has at most 256 colours), of dots, or of ASCII by brightness.
+    colors : {16777216, 256, 16, 0}
+        How many colours text may have; pictures have as many as they need.
 
     Raises
     ------
     OptionError
-        There is no encoder of this name.
+        There is no encoder of this name, or no such number of colours.
     """
-    if name in ("half", "half256"):
-        from tsplat.encode.cells import HalfBlocks
-
-        return HalfBlocks(256 if name == "half256" else 1 << 24)
+    if name not in ENCODERS:
+        raise OptionError(f"output must be one of {', '.join(ENCODERS)}, got {name!r}")
     if name == "kitty":
         from tsplat.encode.kitty import Kitty  # isal
 
         return Kitty()
+    if name == "iterm2":
+        from tsplat.encode.iterm2 import ITerm2
+
+        return ITerm2()
     if name == "sixel":
         from tsplat.encode.sixel import Sixel  # Numba, half a second
 
         return Sixel()
-    raise OptionError(f"output must be one of {', '.join(ENCODERS)}, got {name!r}")
+    from tsplat.encode.cells import Cells  # Numba as well
+
+    return Cells(name, colors)

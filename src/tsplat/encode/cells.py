@@ -1,56 +1,89 @@
-"""Half blocks: two pixels in each text cell, as foreground and background of the upper half block.
-
-Every cell starts as the same few 4-byte words, colours and all; what need not be sent is zeroed, and one
-`bytes.translate` takes the zeros out: colours that did not change since the cell on the left, leading
-zeros, padding. That is five times as fast as indexing with a mask.
-"""
+"""Pictures made of text cells: the best glyph and colours for each, and only the cells that changed."""
 
 from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
 
-from tsplat.encode.palette256 import nearest_index
+from tsplat.encode import cell_text, fit, quantize, tones
+from tsplat.encode.cell_text import BYTES_PER_CELL, BYTES_PER_ROW, NONE, UNKNOWN
+from tsplat.encode.glyphs import shape
 from tsplat.encode.protocol import U8, EncodedFrame
 from tsplat.encode.resample import check, resample
+from tsplat.errors import OptionError
 
+F32 = npt.NDArray[np.float32]
 U32 = npt.NDArray[np.uint32]
+I16 = npt.NDArray[np.int16]
+
+COLORS = (1 << 24, 256, 16, 0)
+"""How many colours a terminal may have; none where a person wants none."""
+
+TOLERANCE = 96.0
+"""Distance in RGB up to which a colour does for another at fidelity 0; nothing at 1, in proportion between."""
 
 _RESET = b"\x1b[0m"
-_HALF_BLOCK = "\u2580".encode()
-_DIGITS = np.frombuffer(b"".join(b";" + str(value).encode().rjust(3, b"\0") for value in range(256)), np.uint32)
-"""How each channel's value is written, as one word."""
 
 
-def _word(text: bytes) -> np.uint32:
-    return np.uint32(np.frombuffer(text.ljust(4, b"\0"), np.uint32)[0])
-
-
-class HalfBlocks:
-    """Encode frames as upper half blocks.
+class Cells:
+    """Encode frames as text cells of one shape.
 
     Parameters
     ----------
-    colors : int
-        256 for the fixed palette, anything else for 24-bit colour.
+    name : {"octant", "sextant", "quadrant", "half", "half256", "braille", "ascii"}
+        Shape of the cells; "half256" is half blocks in at most 256 colours.
+    colors : {16777216, 256, 16, 0}
+        How many colours the terminal has. With none, pixels are lit or not, by brightness.
+
+    Raises
+    ------
+    OptionError
+        There is no such number of colours.
     """
 
-    def __init__(self, colors: int = 1 << 24) -> None:
-        self.name = "half256" if colors == 256 else "half"
+    divisible = True
+
+    def __init__(self, name: str, colors: int = 1 << 24) -> None:
+        if colors not in COLORS:
+            raise OptionError(f"colors must be one of {', '.join(map(str, COLORS))}, got {colors}")
+        self.name = name
+        self.colors = min(colors, 256) if name == "half256" else colors
         self.fidelity = 1.0
+        self._shape = shape(name.removesuffix("256"))
+        self._search = fit.search(self._shape)
+        by_pattern = self._shape.free > 0 or self._shape.background
+        self._ramp: F32 | None = None if by_pattern else self._shape.lit[:, 0].copy()
+        self._font = cell_text.font(self._shape, self.colors)
+        self._shown: I16 = np.empty((0, 0), np.int16)
+        self._shown_colors: U32 = np.empty((0, 0, 2), np.uint32)
+        self._text: U8 = np.empty(0, np.uint8)
 
     def pixels_per_cell(self, cell_width: int, cell_height: int) -> tuple[int, int]:  # noqa: ARG002
-        """Return 1 across and 2 down, whatever the cell."""
-        return 1, 2
+        """Return the pixels of the shape, whatever the cell."""
+        return self._shape.across, self._shape.down
 
     def encode(self, frame: U8, columns: int, rows: int, cell_size: tuple[int, int]) -> EncodedFrame:  # noqa: ARG002
         """Draw a frame over text cells; see `Encoder.encode`."""
         check(frame, columns, rows)
-        # Save and restore find the first column again wherever the cursor began, even after a row that
-        # ends in the terminal's last column; saving again each row is for terminals that forget.
-        next_row = b"\x1b8\x1b[B\x1b7"
-        cells = self._rows(resample(frame, columns, 2 * rows))
-        return EncodedFrame(b"", _RESET + b"\x1b7" + next_row.join(cells) + b"\x1b8" + _RESET)
+        picture = self._spread(resample(frame, columns * self._shape.across, rows * self._shape.down))
+        if self._shown.shape != (rows, columns):
+            self._shown = np.full((rows, columns), UNKNOWN, np.int16)
+            self._shown_colors = np.zeros((rows, columns, 2), np.uint32)
+        glyphs, colors = self._fit(picture, rows, columns)
+        slack = round((TOLERANCE * (1.0 - min(max(self.fidelity, 0.0), 1.0))) ** 2)
+        # With no slack it does nothing, but is compiled before the first frame that needs it.
+        place = picture, self._shape.across, self._shape.down, self._shape.lit
+        quantize.keep(*place, np.float32(slack), glyphs, colors, self._shown, self._shown_colors)
+        draw = self._write(
+            glyphs,
+            colors,
+            self._shown,
+            self._shown_colors,
+            slack=slack,
+            start=NONE if self.colors == 0 else UNKNOWN,
+            around=(_RESET + b"\x1b7", b"\x1b8" + _RESET),
+        )
+        return EncodedFrame(b"", draw)
 
     def lines(self, frame: U8) -> list[bytes]:
         """Return one row of cells after another for printing: no cursor moves, colours reset at each end.
@@ -58,62 +91,115 @@ class HalfBlocks:
         Parameters
         ----------
         frame : ndarray of uint8, [H, W, 3]
-            Becomes W columns and H / 2 rows, rounded up; under an odd H lies the default background.
+            One pixel each; what is missing in the last cells repeats the last pixels, except that under an odd H
+            of half blocks lies the default background.
 
         Returns
         -------
         list of bytes
-            Each ends with a line feed.
+            Each ends with a line feed; without colours there is nothing else in it than glyphs.
         """
         check(frame, 1, 1)
-        return [row + _RESET + b"\n" for row in self._rows(frame)]
+        height, width = frame.shape[:2]
+        rows, columns = -(-height // self._shape.down), -(-width // self._shape.across)
+        missing = rows * self._shape.down - height, columns * self._shape.across - width
+        picture = np.pad(frame, ((0, missing[0]), (0, missing[1]), (0, 0)), mode="edge")
+        glyphs, colors = self._fit(self._spread(picture), rows, columns)
+        if missing[0] and self.name.startswith("half"):
+            colors[-1, :, 1] = NONE
+        unknown = np.full((rows, columns), UNKNOWN, np.int16)
+        shown_colors = np.zeros((rows, columns, 2), np.uint32)
+        end = b"\n" if self.colors == 0 else _RESET + b"\n"
+        return [
+            self._write(
+                glyphs[at], colors[at], unknown[at], shown_colors[at], slack=0, start=NONE, around=(b"", end)
+            )
+            for at in (slice(row, row + 1) for row in range(rows))
+        ]
+
+    def forget(self, cells: npt.NDArray[np.bool_] | None) -> None:
+        """Send these cells with the next frame; see `Encoder.forget`."""
+        if cells is None or cells.shape != self._shown.shape:
+            self._shown[:] = UNKNOWN
+        else:
+            self._shown[cells] = UNKNOWN
+
+    def abandon(self) -> bytes:
+        """Return what sets the cursor and the colours back; see `Encoder.abandon`."""
+        self.forget(None)
+        return b"\x1b8" + _RESET
 
     def clear(self) -> bytes:
         """Return nothing: text is overwritten, not removed."""
+        self.forget(None)
         return b""
 
-    def forget(self, cells: object) -> None:
-        pass
+    def _spread(self, picture: U8) -> U8:
+        """Return what is drawn: the picture, or one in which neighbours share out what 16 colours lack."""
+        # Kernels are compiled again for arrays that cannot be written, such as those from Pillow.
+        picture = np.require(picture, requirements=["C", "W"])
+        if self.colors != 16 or self._ramp is not None:
+            return picture
+        result = np.empty_like(picture)
+        tones.spread(picture, result)
+        return result
 
-    divisible = True
+    def _fit(self, picture: U8, rows: int, columns: int) -> tuple[U8, U32]:
+        """Return the number of the glyph, and the codes of the colours, of each cell."""
+        glyphs = np.zeros((rows, columns), np.uint8)
+        colors = np.full((rows, columns, 2), NONE, np.uint32)
+        place = picture, self._shape.across, self._shape.down
+        if self.colors == 0:
+            if self._ramp is None:
+                tones.dither(*place, glyphs)
+            else:
+                tones.grade(*place, self._ramp, glyphs)
+            return glyphs, colors
+        if self._ramp is None:
+            fit.split(*place, self._search, glyphs, colors)
+        else:
+            tones.shade(*place, self._ramp, glyphs, colors)
+        if self.colors <= 256:
+            quantize.quantize(*place, self.colors, self._search, colors, glyphs)
+        return glyphs, colors
 
-    def abandon(self) -> bytes:
-        """End a frame that was sent in part: the cursor is back, the colours are reset."""
-        return b"\x1b8" + _RESET
-
-    def _rows(self, frame: U8) -> list[bytes]:
-        colors = nearest_index(frame)[..., None] if self.name == "half256" else frame
-        pairs = len(colors) // 2
-        rows = _encode(colors[0 : 2 * pairs : 2], colors[1 : 2 * pairs : 2])
-        if len(colors) % 2:
-            rows += _encode(colors[-1:], None)
-        return rows
-
-
-def _encode(upper: U8, lower: U8 | None) -> list[bytes]:
-    """Return the bytes of each row of cells; no ``lower`` means the default background."""
-    rows, columns, channels = upper.shape
-    grounds = [(b"38", upper)] if lower is None else [(b"38", upper), (b"48", lower)]
-    # A cell is ["ESC["] ["38;2"] [";RRR"] [";GGG"] [";BBB"] [";"] ["48;2"] ... ["m" half block].
-    span = channels + 2
-    text = np.empty((rows, columns, len(grounds) * span + 1), np.uint32)
-    before = np.zeros((rows, columns), np.uint32)
-    for first, (ground, colors) in zip(range(0, len(grounds) * span, span), grounds, strict=True):
-        sent = _changed(colors)
-        text[..., first] = before & sent & _word(b";")
-        text[..., first + 1] = sent & _word(ground + (b";2" if channels == 3 else b";5"))
-        np.bitwise_and(_DIGITS[colors], sent[..., None], out=text[..., first + 2 : first + span])
-        before |= sent
-    text[..., 0] = before & _word(b"\x1b[")
-    text[..., -1] = before & _word(b"m") | _word(b"\0" + _HALF_BLOCK)
-    return [row.tobytes().translate(None, b"\0") for row in text]
+    def _write(
+        self,
+        glyphs: U8,
+        colors: U32,
+        shown: I16,
+        shown_colors: U32,
+        *,
+        slack: int,
+        start: int,
+        around: tuple[bytes, bytes],
+    ) -> bytes:
+        """Return the cells that changed, with something before and behind them if there are any."""
+        rows, columns = glyphs.shape
+        before, behind = (np.frombuffer(part, np.uint8) for part in around)
+        room = len(before) + rows * (columns * BYTES_PER_CELL + BYTES_PER_ROW) + len(behind)
+        if len(self._text) < room:
+            # Kept, for it takes longer to get from the system than to fill.
+            self._text = np.empty(room, np.uint8)
+        self._text[: len(before)] = before
+        end = cell_text.write(
+            glyphs, colors, shown, shown_colors, self._font, slack, start, self._text[len(before) :]
+        )
+        if end == 0:
+            return b""
+        end += len(before)
+        self._text[end : end + len(behind)] = behind
+        return self._text[: end + len(behind)].tobytes()
 
 
-def _changed(colors: U8) -> U32:
-    """Return all ones where a colour differs from the one on its left or is the first, else 0."""
-    changed = np.ones(colors.shape[:2], bool)
-    differs = colors[:, 1:] != colors[:, :-1]
-    changed[:, 1:] = (
-        differs[..., 0] | differs[..., 1] | differs[..., 2] if colors.shape[2] == 3 else differs[..., 0]
-    )
-    return np.negative(changed.astype(np.uint32))
+class HalfBlocks(Cells):
+    """Encode frames as upper half blocks.
+
+    Parameters
+    ----------
+    colors : {16777216, 256, 16, 0}
+        How many colours the terminal has.
+    """
+
+    def __init__(self, colors: int = 1 << 24) -> None:
+        super().__init__("half256" if colors == 256 else "half", colors)

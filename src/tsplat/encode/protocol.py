@@ -33,7 +33,20 @@ class EncodedFrame:
 
 
 class Encoder(Protocol):
-    """Turns frames into bytes for one kind of terminal; may remember what it has left on screen."""
+    """Turns frames into bytes for one kind of terminal; may remember what it has left on screen.
+
+    Attributes
+    ----------
+    fidelity : float
+        From 0 to 1, to be set at any time. At 1, as it is at first, the next frame is sent exactly; below, it may
+        differ a little from what was asked for, and more the lower it is, so that it takes fewer bytes.
+    divisible : bool
+        Whether the bytes of a frame may be sent with pauses and questions between their escape sequences; else a
+        frame is one such sequence.
+    """
+
+    fidelity: float
+    divisible: bool
 
     @property
     def name(self) -> str:
@@ -63,6 +76,7 @@ class Encoder(Protocol):
         Returns
         -------
         EncodedFrame
+            Only what differs from what is on screen, where the encoder knows it; nothing where nothing does.
 
         Raises
         ------
@@ -70,5 +84,23 @@ class Encoder(Protocol):
             The frame is not uint8 [H, W, 3] or empty, or there are no cells.
         """
 
+    def forget(self, cells: npt.NDArray[np.bool_] | None) -> None:
+        """Take it that something else is on screen now: these cells are sent with the next frame, changed or not.
+
+        Whoever writes over the picture says so here when that is to go. An encoder that sends all of
+        every frame, or whose pictures lie under the text, has nothing to do.
+
+        Parameters
+        ----------
+        cells : ndarray of bool, [rows, columns], or None
+            True where the picture is gone; None, or cells of another size than the last frame's, for all of it.
+        """
+
+    def abandon(self) -> bytes:
+        """Return what ends a frame that was sent in part, and note that the one before it is still on screen."""
+
     def clear(self) -> bytes:
-        """Return what removes the pictures left on screen; text is left to whoever draws next."""
+        """Return what removes the pictures left on screen; text is left to whoever draws next.
+
+        The encoder forgets everything.
+        """
