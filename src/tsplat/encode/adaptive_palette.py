@@ -76,10 +76,10 @@ class AdaptivePalette:
         """
         found = np.empty(frame.shape[:2], np.uint8)
         if dither:
-            _look_up_dithered(frame, self.index_from_bin, np.int32(self.spread), found)
+            _look_up_dithered(frame, self.index_from_bin, self.spread, found)
         elif tolerance:
             packed = self.colors.astype(np.int32) @ np.array([1 << 16, 1 << 8, 1], np.int32)
-            _look_up_lazily(frame, self.index_from_bin, packed, np.int32(tolerance * tolerance), found)
+            _look_up_lazily(frame, self.index_from_bin, packed, tolerance * tolerance, found)
         else:
             _look_up(frame, self.index_from_bin, found)
         return found

@@ -101,7 +101,7 @@ class Sixel:
         start = b'\x1b7\x1bP0;1q"1;1;%d;%d' % (width, height)
         return EncodedFrame(b"", start + palette.registers + _bands(indices) + b"\x1b\\\x1b8")
 
-    def forget(self, cells: npt.NDArray[np.bool_] | None) -> None:  # noqa: ARG002
+    def forget(self, cells: npt.NDArray[np.bool_] | None) -> None:
         """Do nothing: every frame is drawn whole."""
 
     def clear(self) -> bytes:
