@@ -125,11 +125,22 @@ def test_within_a_tolerance_a_pixel_is_near_its_colour_or_has_the_nearest(frame:
 
 
 def test_a_tolerance_makes_flat_what_differs_by_less() -> None:
-    frame = np.where(np.indices((12, 12)).sum(axis=0)[..., None] % 2, 100, 104).repeat(3, axis=2).astype(np.uint8)
+    frame = np.random.default_rng(2).integers(100, 108, (24, 24, 3), dtype=np.uint8)
     palette = AdaptivePalette()
     palette.fit(frame)
-    assert len(np.unique(palette.indices(frame))) == 2
-    assert len(np.unique(palette.indices(frame, tolerance=12))) == 1
+    assert len(np.unique(palette.indices(frame))) > 4
+    assert len(np.unique(palette.indices(frame, tolerance=16))) == 1
+
+
+@pytest.mark.parametrize("fidelity", [1.0, 0.8, 0.2])
+def test_a_background_keeps_its_colour_and_nothing_runs_into_it(fidelity: float) -> None:
+    frame = textured(60, 36)
+    frame[:20] //= 8
+    frame[20:] = 0, 51, 102  # whole percents
+    sixel = Sixel()
+    sixel.fidelity = fidelity
+    shown = decode(sixel.encode(frame, 6, 3, (10, 12)).draw)[20:36]
+    assert difference(shown, frame[20:]) <= 1
 
 
 def test_dithering_brings_each_patch_closer_to_its_colour_on_average() -> None:

@@ -21,8 +21,15 @@ _ERROR_SLACK = 4.0
 Making one costs three frames and shifts all colours a little, which the eye sees as a flicker."""
 
 
+_BACKGROUND_SHARE = 0.05
+"""A colour of so large a part of the frame is taken for the background and kept as it is: a change of the whole
+background is what one sees first when the palette changes, and an average of it with its surroundings is one."""
+
 _SPREAD_PER_ERROR = 3.46
 """Colours that lie a step apart have a root mean squared error of this part of it, the square root of 12."""
+
+_PACKING = np.array([1 << 16, 1 << 8, 1], np.int32)
+"""Red, green and blue times this is 0xRRGGBB."""
 
 _BAYER = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]], np.int32)
 """Bayer's order of 16 thresholds: neighbours in it lie far apart."""
@@ -48,6 +55,7 @@ class AdaptivePalette:
         self.spread = 0
         """How far apart neighbouring colours lie in each channel, roughly: the reach of a dither."""
         self._largest_error = -1.0
+        self._background = -1  # as 0xRRGGBB; -1 is none
 
     def fit(self, frame: U8) -> U8:
         """Return ``index_from_bin`` for a frame, made anew when the colours no longer suit it."""
@@ -70,7 +78,8 @@ class AdaptivePalette:
             In C order.
         tolerance : int
             A pixel takes the colour of the one above it, else of the one on its left, when that colour is no
-            further off than this many levels: longer runs, fewer bytes. 0 always takes the nearest.
+            further off than this many levels: longer runs, fewer bytes. 0 always takes the nearest, and so does
+            the background, into which the edges of things would run.
         dither : bool
             Mix colours in a pattern of 4 x 4 pixels where none of them is near. Rules out a tolerance.
         """
@@ -78,8 +87,9 @@ class AdaptivePalette:
         if dither:
             _look_up_dithered(frame, self.index_from_bin, self.spread, found)
         elif tolerance:
-            packed = self.colors.astype(np.int32) @ np.array([1 << 16, 1 << 8, 1], np.int32)
-            _look_up_lazily(frame, self.index_from_bin, packed, tolerance * tolerance, found)
+            packed = self.colors.astype(np.int32) @ _PACKING
+            limit = tolerance * tolerance
+            _look_up_lazily(frame, self.index_from_bin, packed, self._background, limit, found)
         else:
             _look_up(frame, self.index_from_bin, found)
         return found
@@ -97,6 +107,10 @@ class AdaptivePalette:
 
         cut = Image.fromarray(thumbnail).quantize(self.size, Image.Quantize.MEDIANCUT)
         found = np.array(cut.getpalette(), np.int32).reshape(-1, 3)[: int(np.asarray(cut).max()) + 1]
+        self._background = _common_color(thumbnail)
+        background = np.array([self._background >> 16, self._background >> 8 & 255, self._background & 255])
+        if self._background >= 0:
+            found[np.argmin(((found - background) ** 2).sum(axis=1))] = background
         # What is missing repeats the last colour, which the first of the equals always wins.
         colors = np.concatenate([found, np.repeat(found[-1:], 256 - len(found), axis=0)])
         # Sixel says colours in percent.
@@ -106,6 +120,16 @@ class AdaptivePalette:
             b"#%d;2;%d;%d;%d" % (index, *color) for index, color in enumerate(percent[: len(found)].tolist())
         )
         _fill(np.ascontiguousarray(self.colors.T, np.int32), self.index_from_bin)
+        if self._background >= 0:
+            nearest = np.argmin(((self.colors - background) ** 2).sum(axis=1))
+            self.index_from_bin[bin_from_color(background.astype(np.uint8))] = nearest
+
+
+def _common_color(frame: U8) -> int:
+    """Return the colour of the background as 0xRRGGBB, or -1 where there is none."""
+    colors, counts = np.unique(frame.astype(np.int32) @ _PACKING, return_counts=True)
+    commonest = int(np.argmax(counts))
+    return int(colors[commonest]) if counts[commonest] >= _BACKGROUND_SHARE * counts.sum() else -1
 
 
 def bin_from_color(frame: U8) -> npt.NDArray[np.uint16]:
@@ -147,7 +171,7 @@ def _distance(red: int, green: int, blue: int, color: int) -> int:
 
 
 @kernel
-def _look_up_lazily(frame: U8, index_from_bin: U8, packed: I32, most: int, found: U8) -> None:
+def _look_up_lazily(frame: U8, index_from_bin: U8, packed: I32, background: int, most: int, found: U8) -> None:
     height, width = found.shape
     for y in range(height):
         above = found[max(y - 1, 0)]
@@ -160,10 +184,11 @@ def _look_up_lazily(frame: U8, index_from_bin: U8, packed: I32, most: int, found
             # Selections instead of branches: which of the three it is cannot be foreseen.
             # What need not wait for the pixel on the left comes first.
             other = index_from_bin[_bin(red, green, blue)]
-            near_above = _distance(red, green, blue, packed[above[x]]) <= most
+            limit = -1 if (red << 16 | green << 8 | blue) == background else most
+            near_above = _distance(red, green, blue, packed[above[x]]) <= limit
             other = above[x] if near_above else other
             other_color = packed[other]
-            stays = _distance(red, green, blue, left_color) <= most and not near_above
+            stays = _distance(red, green, blue, left_color) <= limit and not near_above
             left, left_color = (left, left_color) if stays else (other, other_color)
             found[y, x] = left
 
