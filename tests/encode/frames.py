@@ -23,3 +23,15 @@ def gradient(width: int, height: int) -> U8:
     y, x = np.mgrid[0:height, 0:width]
     parts = [x * 255 // max(1, width - 1), y * 255 // max(1, height - 1), (x + y) * 255 // (width + height)]
     return np.stack(parts, axis=2).astype(np.uint8)
+
+
+def textured(width: int, height: int) -> U8:
+    """A gradient with a fine grain, as compressible as a frame of a scene."""
+    grain = np.random.default_rng(7).normal(0, 6, (height, width, 3))
+    return np.clip(gradient(width, height) * 0.7 + 30 + grain, 0, 255).astype(np.uint8)
+
+
+def psnr(one: U8, other: U8) -> float:
+    """Peak signal to noise ratio of two frames, in decibels."""
+    error = float(np.mean((one.astype(np.float64) - other) ** 2))
+    return 10 * float(np.log10(255**2 / max(error, 1e-9)))

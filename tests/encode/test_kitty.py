@@ -4,13 +4,16 @@ import base64
 import io
 import re
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 from hypothesis import given
+from hypothesis import strategies as st
 from PIL import Image
 
-from tests.encode.frames import U8, frames, gradient
-from tsplat.encode.kitty import BELOW_TEXT, Kitty
+from tests.encode.frames import U8, frames, gradient, psnr, textured
+from tsplat.encode.kitty import BELOW_TEXT, Kitty, round_to_bits
+from tsplat.encode.png import palette_png
 
 COMMAND = re.compile(rb"\x1b_G([^;\x1b]*)(?:;([^\x1b]*))?\x1b\\")
 
@@ -22,12 +25,43 @@ def commands(stream: bytes) -> list[tuple[dict[str, str], bytes]]:
     return [(dict(pair.split("=") for pair in match[1].decode().split(",")), match[2] or b"") for match in found]
 
 
+def shown(upload: bytes) -> Image.Image:
+    payload = b"".join(payload for _, payload in commands(upload))
+    return Image.open(io.BytesIO(base64.b64decode(payload, validate=True)))
+
+
 @given(frames())
 def test_the_payload_is_a_png_of_the_very_pixels(frame: U8) -> None:
-    upload = commands(Kitty().encode(frame, 7, 5, (10, 20)).upload)
-    picture = Image.open(io.BytesIO(base64.b64decode(b"".join(payload for _, payload in upload), validate=True)))
+    picture = shown(Kitty().encode(frame, 7, 5, (10, 20)).upload)
     assert picture.format == "PNG"
     assert np.array_equal(np.asarray(picture), frame)
+
+
+def test_less_fidelity_takes_fewer_bytes_and_still_shows_the_picture() -> None:
+    kitty, frame = Kitty(), textured(120, 72)
+    sizes = []
+    for kitty.fidelity, floor in ((1.0, 90), (0.9, 50), (0.8, 45), (0.6, 40), (0.4, 32), (0.2, 30), (0.0, 28)):
+        upload = kitty.encode(frame, 12, 6, (10, 12)).upload
+        assert psnr(np.asarray(shown(upload).convert("RGB")), frame) > floor
+        sizes.append(len(upload))
+    assert all(fewer < 0.95 * more for more, fewer in pairwise(sizes))
+
+
+@given(frames(), st.integers(5, 7))
+def test_channels_are_rounded_to_the_nearest_step_and_white_stays_white(frame: U8, bits: int) -> None:
+    step, rounded = 1 << (8 - bits), round_to_bits(frame, bits)
+    assert np.abs(frame.astype(int) - rounded).max() <= step // 2
+    assert (rounded[rounded % step != 0] == 255).all()
+    assert (rounded[frame == 255] == 255).all()
+    assert (rounded[frame == 0] == 0).all()
+
+
+@given(frames())
+def test_a_palette_png_shows_each_pixel_in_its_colour(frame: U8) -> None:
+    indices, colors = frame[..., 0], np.random.default_rng(5).integers(0, 256, (256, 3), dtype=np.uint8)
+    picture = Image.open(io.BytesIO(palette_png(indices, colors)))
+    assert picture.mode == "P"
+    assert np.array_equal(np.asarray(picture.convert("RGB")), colors[indices])
 
 
 def test_a_large_picture_comes_in_chunks_of_4096_marked_as_continued() -> None:

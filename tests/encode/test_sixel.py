@@ -1,20 +1,23 @@
 from __future__ import annotations
 
 import io
-import math
 import re
 import shutil
 import subprocess
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
+from hypothesis import strategies as st
 from PIL import Image
 
-from tests.encode.frames import U8, frames, gradient
+from tests.encode.frames import U8, frames, gradient, psnr, textured
 from tsplat.encode.adaptive_palette import AdaptivePalette
 from tsplat.encode.sixel import Sixel
+from tsplat.errors import OptionError
 
 
 def decode(stream: bytes) -> U8:
@@ -24,11 +27,6 @@ def decode(stream: bytes) -> U8:
     start, end = stream.index(b"\x1bP"), stream.index(b"\x1b\\") + 2
     decoded = subprocess.run(["sixel2png"], input=stream[start:end], capture_output=True, check=True, timeout=20)
     return np.asarray(Image.open(io.BytesIO(decoded.stdout)).convert("RGB"))
-
-
-def psnr(one: U8, other: U8) -> float:
-    error = float(np.mean((one.astype(np.float64) - other) ** 2))
-    return 10 * math.log10(255**2 / max(error, 1e-9))
 
 
 def difference(one: U8, other: U8) -> int:
@@ -96,6 +94,101 @@ def test_runs_longer_than_three_are_counted_and_shorter_ones_are_not() -> None:
         return match[1]
 
     assert [body(columns) for columns in (1, 3, 4, 5, 120)] == [b"~", b"~~~", b"!4~", b"!5~", b"!120~"]
+
+
+def test_less_fidelity_takes_fewer_bytes_and_still_shows_the_picture() -> None:
+    sixel, frame = Sixel(), textured(120, 72)
+    sizes = []
+    for sixel.fidelity, floor in ((1.0, 32), (0.8, 30), (0.6, 28), (0.4, 27), (0.2, 25)):
+        stream = sixel.encode(frame, 12, 6, (10, 12)).draw
+        assert psnr(decode(stream)[:72], frame) > floor
+        sizes.append(len(stream))
+    assert all(fewer < 0.95 * more for more, fewer in pairwise(sizes))
+
+
+def test_half_way_down_there_are_at_most_64_colours_and_none_beyond_that() -> None:
+    sixel = Sixel()
+    sixel.fidelity = 0.5
+    stream = sixel.encode(textured(80, 60), 8, 6, (10, 10)).draw
+    assert 32 < len(set(re.findall(rb"#(\d+);2;", stream))) <= 64
+    assert max(int(index) for index in re.findall(rb"#(\d+)", stream)) < 64
+
+
+@settings(max_examples=40)
+@given(frames(), st.integers(1, 60))
+def test_within_a_tolerance_a_pixel_is_near_its_colour_or_has_the_nearest(frame: U8, tolerance: int) -> None:
+    palette = AdaptivePalette(16)
+    palette.fit(frame)
+    lazily = palette.colors[palette.indices(frame, tolerance=tolerance)]
+    near = ((frame.astype(int) - lazily) ** 2).sum(axis=2) <= tolerance**2
+    assert (near | (lazily == palette.quantize(frame)).all(axis=2)).all()
+
+
+def test_a_tolerance_makes_flat_what_differs_by_less() -> None:
+    frame = np.random.default_rng(2).integers(100, 108, (24, 24, 3), dtype=np.uint8)
+    palette = AdaptivePalette()
+    palette.fit(frame)
+    assert len(np.unique(palette.indices(frame))) > 4
+    assert len(np.unique(palette.indices(frame, tolerance=16))) == 1
+
+
+@pytest.mark.parametrize("fidelity", [1.0, 0.8, 0.2])
+def test_a_background_keeps_its_colour_and_nothing_runs_into_it(fidelity: float) -> None:
+    frame = textured(60, 36)
+    frame[:20] //= 8
+    frame[20:] = 0, 51, 102  # whole percents
+    sixel = Sixel()
+    sixel.fidelity = fidelity
+    shown = decode(sixel.encode(frame, 6, 3, (10, 12)).draw)[20:36]
+    assert difference(shown, frame[20:]) <= 1
+
+
+def test_dithering_brings_each_patch_closer_to_its_colour_on_average() -> None:
+    def patches(frame: U8) -> npt.NDArray[np.float64]:
+        means: npt.NDArray[np.float64] = frame.reshape(18, 4, 30, 4, 3).mean(axis=(1, 3))
+        return means
+
+    frame = gradient(120, 72)
+    flat, dithered = (decode(Sixel(dither).encode(frame, 12, 6, (10, 12)).draw)[:72] for dither in (False, True))
+    errors = [np.abs(patches(shown) - patches(frame)).mean() for shown in (flat, dithered)]
+    assert errors[1] < 0.8 * errors[0]
+
+
+def test_below_full_fidelity_nothing_is_dithered() -> None:
+    plain, dithering = Sixel(), Sixel(dither=True)
+    streams = []
+    for sixel in (plain, dithering):
+        sixel.fidelity = 0.5
+        streams.append(sixel.encode(textured(40, 24), 4, 2, (10, 12)).draw)
+    assert streams[0] == streams[1]
+
+
+@given(st.integers(1, 400), st.integers(1, 100), st.integers(1, 1000), st.integers(6, 1000))
+def test_no_picture_and_none_of_its_bands_is_larger_than_the_terminal_takes(
+    columns: int, rows: int, most_width: int, most_height: int
+) -> None:
+    width, height = Sixel(max_size=(most_width, most_height)).size(columns, rows, (10, 20))
+    assert 1 <= width <= most_width
+    assert 1 <= -(-height // 6) * 6 <= most_height or height == rows * 20
+
+
+def test_a_picture_beyond_the_largest_size_is_drawn_whole_and_keeps_its_shape() -> None:
+    frame = gradient(200, 120)
+    stream = Sixel(max_size=(100, 1000)).encode(frame, 20, 6, (10, 20)).draw
+    assert re.search(rb'"1;1;100;60[#\d]', stream)
+    shrunk = np.asarray(Image.fromarray(frame).resize((100, 60), Image.Resampling.BOX))
+    assert psnr(decode(stream)[:60], shrunk) > 30
+
+
+def test_a_picture_within_the_largest_size_is_drawn_as_ever() -> None:
+    frame = gradient(50, 36)
+    limited, free = (Sixel(max_size=most).encode(frame, 5, 2, (10, 18)).draw for most in ((50, 36), None))
+    assert limited == free
+
+
+def test_a_largest_size_without_room_for_a_band_is_refused() -> None:
+    with pytest.raises(OptionError, match="at least 1 x 6 pixels, got 100 x 5"):
+        Sixel(max_size=(100, 5))
 
 
 def test_the_cursor_returns_to_where_the_picture_began() -> None:

@@ -16,7 +16,7 @@ ENCODERS: tuple[str, ...] = (
 """Names of the encoders, best picture first; those from octant on are text."""
 
 
-def encoder(name: str, colors: int = 1 << 24) -> Encoder:
+def encoder(name: str, colors: int = 1 << 24, transport: str = "direct", *, tmux: bool = False) -> Encoder:
     """Return a new encoder.
 
     Parameters
@@ -26,6 +26,10 @@ def encoder(name: str, colors: int = 1 << 24) -> Encoder:
         pixels (half256 has at most 256 colours), of dots, or of ASCII by brightness.
     colors : {16777216, 256, 16, 0}
         How many colours text may have; pictures have as many as they need.
+    transport : {"direct", "shared", "file"}
+        How kitty graphics reach a terminal; only "direct" leaves this machine.
+    tmux : bool
+        Whether kitty graphics have to pass through tmux.
 
     Raises
     ------
@@ -37,7 +41,7 @@ def encoder(name: str, colors: int = 1 << 24) -> Encoder:
     if name == "kitty":
         from tsplat.encode.kitty import Kitty  # isal
 
-        return Kitty()
+        return Kitty(transport, tmux)
     if name == "iterm2":
         from tsplat.encode.iterm2 import ITerm2
 

@@ -1,4 +1,4 @@
-"""The 256 colours that suit a frame, found by median cut and kept while they still suit the frames that follow."""
+"""The colours that suit a frame, found by median cut and kept while they still suit the frames that follow."""
 
 from __future__ import annotations
 
@@ -21,17 +21,41 @@ _ERROR_SLACK = 4.0
 Making one costs three frames and shifts all colours a little, which the eye sees as a flicker."""
 
 
-class AdaptivePalette:
-    """256 colours and the nearest of them for every colour, in bins of 15 bits."""
+_BACKGROUND_SHARE = 0.05
+"""A colour of so large a part of the frame is taken for the background and kept as it is: a change of the whole
+background is what one sees first when the palette changes, and an average of it with its surroundings is one."""
 
-    def __init__(self) -> None:
+_SPREAD_PER_ERROR = 3.46
+"""Colours that lie a step apart have a root mean squared error of this part of it, the square root of 12."""
+
+_PACKING = np.array([1 << 16, 1 << 8, 1], np.int32)
+"""Red, green and blue times this is 0xRRGGBB."""
+
+_BAYER = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]], np.int32)
+"""Bayer's order of 16 thresholds: neighbours in it lie far apart."""
+
+
+class AdaptivePalette:
+    """Up to 256 colours and the nearest of them for every colour, in bins of 15 bits.
+
+    Parameters
+    ----------
+    size : int
+        How many colours there may be, from 2 to 256.
+    """
+
+    def __init__(self, size: int = 256) -> None:
+        self.size = size
         self.colors: U8 = np.zeros((256, 3), np.uint8)
-        """Colours as the terminal shows them, uint8 [256, 3]."""
+        """Colours as the terminal shows them, uint8 [256, 3]; beyond ``size`` the last one is repeated."""
         self.index_from_bin: U8 = np.zeros(1 << 15, np.uint8)
         """Nearest colour of each bin; see `bin_from_color`."""
         self.registers = b""
         """Sixel commands that define the colours."""
+        self.spread = 0
+        """How far apart neighbouring colours lie in each channel, roughly: the reach of a dither."""
         self._largest_error = -1.0
+        self._background = -1  # as 0xRRGGBB; -1 is none
 
     def fit(self, frame: U8) -> U8:
         """Return ``index_from_bin`` for a frame, made anew when the colours no longer suit it."""
@@ -40,8 +64,35 @@ class AdaptivePalette:
         thumbnail = np.ascontiguousarray(frame[::down, ::across])
         if self._error(thumbnail) > self._largest_error:
             self._rebuild(thumbnail)
-            self._largest_error = _ERROR_GROWTH * self._error(thumbnail) + _ERROR_SLACK
+            error = self._error(thumbnail)
+            self._largest_error = _ERROR_GROWTH * error + _ERROR_SLACK
+            self.spread = round(_SPREAD_PER_ERROR * error**0.5)
         return self.index_from_bin
+
+    def indices(self, frame: U8, *, tolerance: int = 0, dither: bool = False) -> U8:
+        """Return the colour of each pixel as an index, uint8 [H, W].
+
+        Parameters
+        ----------
+        frame : ndarray of uint8, [H, W, 3]
+            In C order.
+        tolerance : int
+            A pixel takes the colour of the one above it, else of the one on its left, when that colour is no
+            further off than this many levels: longer runs, fewer bytes. 0 always takes the nearest, and so does
+            the background, into which the edges of things would run.
+        dither : bool
+            Mix colours in a pattern of 4 x 4 pixels where none of them is near. Rules out a tolerance.
+        """
+        found = np.empty(frame.shape[:2], np.uint8)
+        if dither:
+            _look_up_dithered(frame, self.index_from_bin, self.spread, found)
+        elif tolerance:
+            packed = self.colors.astype(np.int32) @ _PACKING
+            limit = tolerance * tolerance
+            _look_up_lazily(frame, self.index_from_bin, packed, self._background, limit, found)
+        else:
+            _look_up(frame, self.index_from_bin, found)
+        return found
 
     def quantize(self, frame: U8) -> U8:
         """Return the frame in these colours, uint8 [H, W, 3]."""
@@ -54,8 +105,12 @@ class AdaptivePalette:
     def _rebuild(self, thumbnail: U8) -> None:
         from PIL import Image
 
-        cut = Image.fromarray(thumbnail).quantize(256, Image.Quantize.MEDIANCUT)
+        cut = Image.fromarray(thumbnail).quantize(self.size, Image.Quantize.MEDIANCUT)
         found = np.array(cut.getpalette(), np.int32).reshape(-1, 3)[: int(np.asarray(cut).max()) + 1]
+        self._background = _common_color(thumbnail)
+        background = np.array([self._background >> 16, self._background >> 8 & 255, self._background & 255])
+        if self._background >= 0:
+            found[np.argmin(((found - background) ** 2).sum(axis=1))] = background
         # What is missing repeats the last colour, which the first of the equals always wins.
         colors = np.concatenate([found, np.repeat(found[-1:], 256 - len(found), axis=0)])
         # Sixel says colours in percent.
@@ -65,12 +120,77 @@ class AdaptivePalette:
             b"#%d;2;%d;%d;%d" % (index, *color) for index, color in enumerate(percent[: len(found)].tolist())
         )
         _fill(np.ascontiguousarray(self.colors.T, np.int32), self.index_from_bin)
+        if self._background >= 0:
+            nearest = np.argmin(((self.colors - background) ** 2).sum(axis=1))
+            self.index_from_bin[bin_from_color(background.astype(np.uint8))] = nearest
+
+
+def _common_color(frame: U8) -> int:
+    """Return the colour of the background as 0xRRGGBB, or -1 where there is none."""
+    colors, counts = np.unique(frame.astype(np.int32) @ _PACKING, return_counts=True)
+    commonest = int(np.argmax(counts))
+    return int(colors[commonest]) if counts[commonest] >= _BACKGROUND_SHARE * counts.sum() else -1
 
 
 def bin_from_color(frame: U8) -> npt.NDArray[np.uint16]:
     """Return the upper five bits of red, green and blue of each pixel as one number, below 32768."""
     five = (frame >> 3).astype(np.uint16)
     return (five[..., 0] << 10 | five[..., 1] << 5 | five[..., 2]).astype(np.uint16, copy=False)
+
+
+@kernel
+def _bin(red: int, green: int, blue: int) -> int:
+    return (red >> 3) << 10 | (green >> 3) << 5 | blue >> 3
+
+
+@kernel
+def _look_up(frame: U8, index_from_bin: U8, found: U8) -> None:
+    height, width = found.shape
+    for y in range(height):
+        for x in range(width):
+            found[y, x] = index_from_bin[_bin(int(frame[y, x, 0]), int(frame[y, x, 1]), int(frame[y, x, 2]))]
+
+
+@kernel
+def _look_up_dithered(frame: U8, index_from_bin: U8, spread: int, found: U8) -> None:
+    height, width = found.shape
+    for y in range(height):
+        for x in range(width):
+            # Thresholds from -15/32 to 15/32 of the spread: on average nothing is added.
+            offset = (2 * _BAYER[y & 3, x & 3] - 15) * spread // 32
+            red = min(max(int(frame[y, x, 0]) + offset, 0), 255)
+            green = min(max(int(frame[y, x, 1]) + offset, 0), 255)
+            blue = min(max(int(frame[y, x, 2]) + offset, 0), 255)
+            found[y, x] = index_from_bin[_bin(red, green, blue)]
+
+
+@kernel
+def _distance(red: int, green: int, blue: int, color: int) -> int:
+    red, green, blue = red - (color >> 16), green - (color >> 8 & 255), blue - (color & 255)
+    return red * red + green * green + blue * blue
+
+
+@kernel
+def _look_up_lazily(frame: U8, index_from_bin: U8, packed: I32, background: int, most: int, found: U8) -> None:
+    height, width = found.shape
+    for y in range(height):
+        above = found[max(y - 1, 0)]
+        left = index_from_bin[_bin(int(frame[y, 0, 0]), int(frame[y, 0, 1]), int(frame[y, 0, 2]))]
+        if y == 0:
+            above[:] = left
+        left_color = packed[left]
+        for x in range(width):
+            red, green, blue = int(frame[y, x, 0]), int(frame[y, x, 1]), int(frame[y, x, 2])
+            # Selections instead of branches: which of the three it is cannot be foreseen.
+            # What need not wait for the pixel on the left comes first.
+            other = index_from_bin[_bin(red, green, blue)]
+            limit = -1 if (red << 16 | green << 8 | blue) == background else most
+            near_above = _distance(red, green, blue, packed[above[x]]) <= limit
+            other = above[x] if near_above else other
+            other_color = packed[other]
+            stays = _distance(red, green, blue, left_color) <= limit and not near_above
+            left, left_color = (left, left_color) if stays else (other, other_color)
+            found[y, x] = left
 
 
 @kernel

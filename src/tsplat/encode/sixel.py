@@ -5,6 +5,9 @@ Source: DEC STD 070, chapter 9; https://vt100.net/docs/vt3xx-gp/chapter14.html.
 
 from __future__ import annotations
 
+import math
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
@@ -12,6 +15,7 @@ from tsplat._jit import kernel
 from tsplat.encode.adaptive_palette import AdaptivePalette
 from tsplat.encode.protocol import FALLBACK_CELL, U8, EncodedFrame
 from tsplat.encode.resample import check, resample
+from tsplat.errors import OptionError
 
 I32 = npt.NDArray[np.int32]
 
@@ -19,52 +23,101 @@ _BYTES_PER_RUN = 16
 """Most bytes one run needs: a gap before it, "!16384?", three sixels, and a share of "#255" and "$"."""
 
 
+class Quality(NamedTuple):
+    """What a fidelity means: at most so many colours, and how far off a pixel's colour may be for longer runs."""
+
+    least_fidelity: float
+    colors: int
+    tolerance: int
+
+
+_QUALITIES = (
+    Quality(0.9, 256, 0),
+    Quality(0.7, 128, 10),
+    Quality(0.5, 64, 14),
+    Quality(0.3, 64, 20),
+    Quality(-math.inf, 32, 30),
+)
+"""Best first. Each takes about three quarters of the bytes of the one before it."""
+
+
 class Sixel:
-    """Encode frames in sixel, with 256 colours of their own.
+    """Encode frames in sixel, with up to 256 colours of their own.
 
     The last text row must stay free: most terminals scroll when a picture reaches the bottom.
+
+    Parameters
+    ----------
+    dither : bool
+        Mix colours in a pattern where the palette has none that is near: no bands of colour, up to half as many
+        bytes again. Below full fidelity there is none: it would shimmer, and break the runs.
+    max_size : tuple of 2 ints, optional
+        Most pixels across and down that the terminal takes, such as xterm's 1000 x 1000. No terminal stretches
+        sixels, so a larger picture is drawn whole and smaller: it keeps its shape, stays at the top left and
+        leaves cells on the right and below as they are.
+
+    Raises
+    ------
+    OptionError
+        ``max_size`` has no room for one band of six rows.
     """
 
     name = "sixel"
-
-    def __init__(self) -> None:
-        self._palette = AdaptivePalette()
-        self.fidelity = 1.0
-
     divisible = False
 
-    def forget(self, cells: object) -> None:
-        pass
-
-    def abandon(self) -> bytes:
-        """Return nothing: every piece is a picture of its own."""
-        return b""
+    def __init__(self, dither: bool = False, max_size: tuple[int, int] | None = None) -> None:
+        if max_size is not None and (max_size[0] < 1 or max_size[1] < 6):
+            raise OptionError(f"max_size must be at least 1 x 6 pixels, got {max_size[0]} x {max_size[1]}")
+        self.fidelity = 1.0
+        self._dither, self._max_size = dither, max_size
+        # One for each number of colours, so that coming to rest does not make a palette anew.
+        self._palettes: dict[int, AdaptivePalette] = {}
 
     def pixels_per_cell(self, cell_width: int, cell_height: int) -> tuple[int, int]:
         """Return the size of the cell."""
         return (cell_width, cell_height) if cell_width and cell_height else FALLBACK_CELL
 
+    def size(self, columns: int, rows: int, cell_size: tuple[int, int]) -> tuple[int, int]:
+        """Return the width and height in pixels of the picture that `encode` draws over these cells."""
+        cell_width, cell_height = self.pixels_per_cell(*cell_size)
+        width, height = columns * cell_width, rows * cell_height
+        if self._max_size is None:
+            return width, height
+        # The last band is sent whole, and some terminals count its empty rows.
+        most_width, most_height = self._max_size[0], self._max_size[1] // 6 * 6
+        scale = min(1.0, most_width / width, most_height / height)
+        return max(1, int(width * scale)), max(1, int(height * scale))
+
     def encode(self, frame: U8, columns: int, rows: int, cell_size: tuple[int, int]) -> EncodedFrame:
         """Draw a frame over text cells; see `Encoder.encode`."""
         check(frame, columns, rows)
-        width, height = self.pixels_per_cell(*cell_size)
-        picture = np.ascontiguousarray(resample(frame, columns * width, rows * height))
-        index_from_bin = self._palette.fit(picture)
+        width, height = self.size(columns, rows, cell_size)
+        picture = np.ascontiguousarray(resample(frame, width, height))
+        quality = next(quality for quality in _QUALITIES if self.fidelity >= quality.least_fidelity)
+        palette = self._palettes.setdefault(quality.colors, AdaptivePalette(quality.colors))
+        palette.fit(picture)
+        dither = self._dither and quality is _QUALITIES[0]
+        indices = palette.indices(picture, tolerance=quality.tolerance, dither=dither)
         # Raster attributes: square pixels, width, height. The cursor returns to where it was.
-        start = b'\x1b7\x1bP0;1q"1;1;%d;%d' % (columns * width, rows * height)
-        return EncodedFrame(
-            b"", start + self._palette.registers + _bands(picture, index_from_bin) + b"\x1b\\\x1b8"
-        )
+        start = b'\x1b7\x1bP0;1q"1;1;%d;%d' % (width, height)
+        return EncodedFrame(b"", start + palette.registers + _bands(indices) + b"\x1b\\\x1b8")
+
+    def forget(self, cells: npt.NDArray[np.bool_] | None) -> None:
+        """Do nothing: every frame is drawn whole."""
+
+    def abandon(self) -> bytes:
+        """Return nothing: each piece is a picture of its own, and complete."""
+        return b""
 
     def clear(self) -> bytes:
         """Return nothing: text written over the picture replaces it."""
         return b""
 
 
-def _bands(picture: U8, index_from_bin: U8) -> bytes:
-    height, width = picture.shape[:2]
+def _bands(indices: U8) -> bytes:
+    height, width = indices.shape
     text = np.empty(-(-height // 6) * 6 * width * _BYTES_PER_RUN, np.uint8)
-    return text[: _encode(picture, index_from_bin, text)].tobytes()
+    return text[: _encode(indices, text)].tobytes()
 
 
 @kernel
@@ -108,9 +161,9 @@ def _put_columns(text: U8, end: int, entry: int, column: I32, following: I32, bi
 
 
 @kernel
-def _encode(picture: U8, index_from_bin: U8, text: U8) -> int:
+def _encode(indices: U8, text: U8) -> int:
     """Write all bands to ``text``; return how many bytes."""
-    height, width = picture.shape[:2]
+    height, width = indices.shape
     # The columns that each colour of a band has, from left to right, as linked lists.
     first, last = np.full(256, -1, np.int32), np.full(256, -1, np.int32)
     column, following = np.empty(6 * width, np.int32), np.empty(6 * width, np.int32)
@@ -120,12 +173,7 @@ def _encode(picture: U8, index_from_bin: U8, text: U8) -> int:
         used = entries = 0
         for x in range(width):
             for row in range(min(6, height - top)):
-                red, green, blue = (
-                    int(picture[top + row, x, 0]),
-                    int(picture[top + row, x, 1]),
-                    int(picture[top + row, x, 2]),
-                )
-                color = index_from_bin[(red >> 3) << 10 | (green >> 3) << 5 | blue >> 3]
+                color = indices[top + row, x]
                 entry = last[color]
                 if entry >= 0 and column[entry] == x:
                     bits[entry] |= 1 << row
