@@ -131,6 +131,12 @@ def test_a_late_reply_torn_in_two_by_a_slow_line_is_no_key(reply: bytes) -> None
         assert [event for event in events if isinstance(event, Key)] == [Key("q")]
 
 
+def test_each_late_reply_may_be_torn() -> None:
+    parser, reply = Parser(), b"\x1bP>|kitty(0.26.5)\x1b\\"
+    for _ in range(3):
+        assert parser.feed(reply[:9]) + parser.flush() + parser.feed(reply[9:]) == []
+
+
 def test_a_reply_that_never_ends_costs_one_key() -> None:
     parser = Parser()
     for _ in range(2):

@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 from tests.terminal.ptys import DEADLINE, Terminal
-from tests.terminal.test_session import ECHO, LEFT, assert_whole_again, started
+from tests.terminal.test_session import ECHO, KITTY, LEFT, assert_whole_again, started
 
 LARGE = 1_000_000
 WRITE_LARGE = f"""
@@ -118,7 +118,8 @@ os.ttyname = os.tcgetpgrp = fails
 def test_an_answer_to_a_frame_is_an_event_and_one_that_comes_after_the_end_is_not_left_to_the_shell() -> None:
     script = """
 import os, select
-from tsplat.terminal import Session
+from tsplat.terminal import Session, session as module
+module.REMOTE_SECONDS = 1000.0
 with Session() as session:
     session.write(b"<ready>" + session.question)
     session.write(repr(session.events(30)).encode())
@@ -130,6 +131,19 @@ os.write(1, b"left: %r" % select.select([0], [], [], 0.2)[0])
         terminal.wait_for(b"\x1b[5n")
         terminal.type(b"\x1b[0n")
         terminal.wait_for(b"[Answered()]", b"<again>\x1b[5n", LEFT)
-        terminal.type(b"\x1b[0n")
+        terminal.type(b"\x1b[0n\n")
         terminal.wait_for(b"left: []")
+        assert terminal.wait() == 0
+
+
+def test_answers_that_come_late_while_the_terminal_takes_nothing_count_with_the_next_events() -> None:
+    script = WRITE_LARGE.replace("len(session.events(0))", "session.profile.kitty_keyboard")
+    script = script.replace('session.write(b"<%d', 'session.events(0); session.write(b"<%d')
+    with Terminal.python(script) as terminal:
+        terminal.wait_for(b"<ready>")
+        terminal.type(b"g")
+        terminal.wait_for(b"<large>")
+        type_all(terminal, b"w" * 5_000 + KITTY)
+        end = terminal.wait_for(b"A" * LARGE, b"<end>", b"\x1b[>31u", b"<1 keys>")
+        assert b"\x1b[>31u" not in terminal.seen[: terminal.seen.index(b"<end>", end - 200)]
         assert terminal.wait() == 0

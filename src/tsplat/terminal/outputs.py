@@ -91,7 +91,7 @@ def _sixel(profile: Profile) -> tuple[bool, str]:
 def _drawn_by(known: Mapping[str, tuple[int, ...]]) -> Callable[[Profile], tuple[bool, str]]:
     def judge(profile: Profile) -> tuple[bool, str]:
         least = known.get(profile.program.lower())
-        drawn = not profile.multiplexer and least is not None and version_numbers(profile.version) >= least
+        drawn = least is not None and version_numbers(profile.version) >= least
         return (
             drawn,
             f"{profile.program} draws its characters itself" if drawn else "few fonts have its characters",
