@@ -82,6 +82,6 @@ def view(
             releases=session.profile.kitty_keyboard,
             message=GREETING,
         )
-        painter = Painter(SceneVariants(gaussians, raw_opacity=raw_opacity))
-        pacer = Pacer(latency, remote="SSH_CONNECTION" in os.environ)
+        painter = Painter(SceneVariants(gaussians, raw_opacity=raw_opacity), session.profile)
+        pacer = Pacer(latency, remote=session.profile.remote)
         Viewer(session, painter, state, f"tsplat-{name}", Path.cwd(), pacer).run()

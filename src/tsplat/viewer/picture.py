@@ -15,6 +15,7 @@ from tsplat.encode import FALLBACK_CELL, EncodedFrame, Encoder, encoder
 from tsplat.encode.pieces import pieces
 from tsplat.rendering import Rendering
 from tsplat.terminal.keys import TerminalSize
+from tsplat.terminal.probe import TRUECOLOR, Profile
 from tsplat.viewer.scenes import SceneVariants
 from tsplat.viewer.spans import Span, covered, painted, shaded
 from tsplat.viewer.state import ViewerState
@@ -24,6 +25,8 @@ F32 = npt.NDArray[np.float32]
 U8 = npt.NDArray[np.uint8]
 
 HOME = b"\x1b[H"
+
+TRUE_COLORS = Profile(colors=TRUECOLOR)
 
 LUMA = np.array([0.2126, 0.7152, 0.0722], np.float32)
 """How bright each primary looks, ITU-R BT.709."""
@@ -56,13 +59,13 @@ class Drawn:
 class Painter:
     """Renders and encodes what the state shows; keeps the encoder, which knows what it left on screen."""
 
-    def __init__(self, scenes: SceneVariants) -> None:
-        self.scenes = scenes
+    def __init__(self, scenes: SceneVariants, profile: Profile = TRUE_COLORS) -> None:
+        self.scenes, self.profile = scenes, profile
         self.encoder: Encoder | None = None
 
     def warm_up(self, state: ViewerState) -> None:
         """Make the kernels ready that drawing and encoding this state needs; may run on any thread."""
-        chosen = encoder(state.output)  # not the one that remembers what is on screen
+        chosen = self.new_encoder(state)  # not the one that remembers what is on screen
         draw_tiny(replace(state.options, depths=False))
         chosen.encode(np.zeros((SIDE, SIDE, 3), np.uint8), 4, 2, FALLBACK_CELL)
 
@@ -112,7 +115,7 @@ class Painter:
         return self.encoder.abandon() if self.encoder else b""
 
     def _under_text(self, state: ViewerState, frame: U8, spans: Sequence[Span]) -> U8:
-        """Return a frame with the backgrounds of the text in it, where terminals may blend them wrongly over it."""
+        """Return a frame, with the backgrounds of the text in it where terminals may blend them wrongly."""
         if state.output != "kitty" or not spans:
             return frame
         return shaded(frame, spans, state.size.columns, picture_rows(state.size, state.output))
@@ -120,8 +123,15 @@ class Painter:
     def choose(self, state: ViewerState) -> Encoder:
         """Return the encoder of the state's output."""
         if self.encoder is None or self.encoder.name != state.output:
-            self.encoder = encoder(state.output)
+            self.encoder = self.new_encoder(state)
         return self.encoder
+
+    def new_encoder(self, state: ViewerState) -> Encoder:
+        """Return an encoder of the state's output for this terminal."""
+        profile = self.profile
+        return encoder(
+            state.output, profile.colors, profile.kitty_transports[0], tmux=profile.multiplexer == "tmux"
+        )
 
     def render(self, state: ViewerState, width: int, height: int) -> Rendering:
         """Render the state's view at a size in pixels."""
