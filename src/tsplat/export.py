@@ -36,6 +36,9 @@ PALETTE_FRAMES, PALETTE_SIDE, PALETTE_REFINEMENTS = 12, 320, 2
 3 dB better on the demo than one from median cut alone."""
 
 WEBP_QUALITY = 80
+BEFORE = -1
+"""Where a picture of many frames stands before its first one."""
+
 CRF = "18"
 """How much x264 may lose: what can hardly be seen."""
 
@@ -137,11 +140,12 @@ def _write_webp(file: BinaryIO, frames: Frames, fps: int, progress: Progress) ->
         n_frames = len(frames)
 
         def tell(self) -> int:
-            return 0
+            return BEFORE
 
         def seek(self, frame: int) -> None:
-            self.im = Image.fromarray(frames[frame]).im
-            progress((frame + 1) / len(frames))
+            if frame != BEFORE:  # where Pillow goes back to in the end
+                self.im = Image.fromarray(frames[frame]).im
+                progress((frame + 1) / len(frames))
 
     first = Image.fromarray(frames[0])
     if len(frames) == 1:

@@ -36,7 +36,7 @@ DEFAULTS: dict[str, Any] = {
 
 
 @click.command("record", cls=Triples)
-@click.argument("out", metavar="OUT.cast|.gif|.webp|.mp4")
+@click.argument("out", metavar="OUT.cast|.gif|.webp|.mp4", help="What to write, by its suffix.")
 @click.argument("scene", default=DEMO)
 @click.option("--live", is_flag=True, help="Open the viewer, and record what you do until you quit.")
 @click.option("--seconds", type=click.FloatRange(0, 3600, min_open=True), help="How long an orbit lasts. [6]")
