@@ -153,7 +153,7 @@ def _write_webp(file: BinaryIO, frames: Frames, fps: int, progress: Progress) ->
     reel = Reel()
     reel.im, reel._mode, reel._size = first.im, first.mode, first.size
     durations = _durations(len(frames), fps, 1)
-    return reel.save(file, "WEBP", save_all=True, duration=durations, loop=0, quality=WEBP_QUALITY)
+    return reel.save(file, "WEBP", save_all=True, duration=durations, loop=0, quality=WEBP_QUALITY, method=4)
 
 
 def _write_mp4(file: BinaryIO, frames: Frames, fps: int, progress: Progress) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import re
 import signal
@@ -16,7 +17,7 @@ import pytest
 from tests.record.casts import read_cast, screen_of
 from tests.scenes import random_gaussians
 from tests.test_export import FLOORS, psnr, read
-from tsplat import cli, export
+from tsplat import cli, export, progress
 from tsplat.images import quantize
 from tsplat.io import save
 
@@ -162,6 +163,20 @@ def test_the_same_orbit_is_the_same_file(scene: Path, tmp_path: Path) -> None:
     for path, threads in ((one, 1), (other, 2)):
         assert record(path, scene, "--seconds", 0.1, "--threads", threads) == 0
     assert one.read_bytes() == other.read_bytes()
+
+
+@pytest.mark.parametrize("suffix", [".cast", ".webp"])
+def test_a_terminal_is_shown_how_far_it_is(
+    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str
+) -> None:
+    stderr = io.StringIO()
+    monkeypatch.setattr(stderr, "isatty", lambda: True, raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(sys, "stderr", stderr)
+    monkeypatch.setattr(progress, "BAR_AFTER", 0.0)
+    assert record(tmp_path / f"x{suffix}", scene, "--seconds", 0.2) == 0
+    assert f"recording x{suffix}" in stderr.getvalue()
+    assert "100%" in stderr.getvalue()
 
 
 @pytest.mark.parametrize("suffix", [".cast", *export.SUFFIXES])

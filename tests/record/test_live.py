@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -22,8 +23,10 @@ from tsplat.errors import SaveError
 from tsplat.framing import start_pose
 from tsplat.io import load, save
 from tsplat.raster import rasterize
-from tsplat.record.live import Replay, ViewRecorder
+from tsplat.record.cast import Cast
+from tsplat.record.live import CastSession, Replay, ViewRecorder
 from tsplat.rendering import RenderOptions
+from tsplat.terminal import Session
 from tsplat.viewer.scenes import SceneVariants
 from tsplat.viewer.state import ViewerState
 
@@ -148,6 +151,19 @@ def test_a_session_that_is_killed_leaves_no_file(scene: Path, tmp_path: Path) ->
         assert terminal.wait() != 0
         assert b"\x1b[?1049l" in terminal.seen
     assert [path.name for path in tmp_path.iterdir()] == ["cloud.ply"]
+
+
+def test_questions_to_the_terminal_are_not_recorded(monkeypatch: pytest.MonkeyPatch) -> None:
+    sent: list[bytes] = []
+    monkeypatch.setattr(Session, "write", lambda _, screen: sent.append(screen))
+    file = io.BytesIO()
+    session = CastSession(file, "x")
+    session.write(b"before it is entered")
+    session._cast = Cast(file, 9, 3)
+    session.write(b"frame\x1b[5n")
+    assert sent == [b"before it is entered", b"frame\x1b[5n"]
+    _, events = read_cast(file.getvalue())
+    assert [event.text for event in events] == ["frame"]
 
 
 class CountingScenes(SceneVariants):
