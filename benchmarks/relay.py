@@ -75,7 +75,7 @@ def _small(end: socket.socket) -> socket.socket:
 
 
 class _Direction:
-    """One way of a connection: a thread that fills the link's queue, one that empties it, one that delivers late."""
+    """One way of a connection: one thread fills the link's queue, one empties it, one delivers late."""
 
     def __init__(
         self, source: socket.socket, sink: socket.socket, rate: float, delay: float, flowing: threading.Event

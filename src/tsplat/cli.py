@@ -8,32 +8,28 @@ from __future__ import annotations
 import os
 import sys
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import rich_click as click
 
 from tsplat import __version__
-from tsplat.arguments import BACKGROUND, DEMO, POINT, UP, Triples, ViewByDefault, scene_path
+from tsplat.arguments import DEMO, POINT, Triples, ViewByDefault
 from tsplat.bench.command import bench
 from tsplat.doctor.command import doctor
+from tsplat.encode import ENCODERS, FALLBACK_CELL, PICTURES
 from tsplat.errors import LoadWarning, OptionError, TsplatError
-from tsplat.progress import loading, wait_for_kernels
-from tsplat.rendering import ANTIALIAS, TRAIN_FOCAL_GUESS, RenderOptions
+from tsplat.options import load_scene, render_options, shared
+from tsplat.progress import wait_for_kernels
+from tsplat.record.command import record
 from tsplat.warmup import WarmUp
 
 if TYPE_CHECKING:
     from tsplat.camera import Camera, Vector
+    from tsplat.rendering import RenderOptions
     from tsplat.scene import Gaussians
 
-OUTPUTS = ("kitty", "sixel", "half", "half256")
-
-ANTIALIAS_HELP = (
-    "How splats meet pixels: classic as in training, mip with opacities compensated, "
-    "relative to the training pictures. [view: relative; render: classic]"
-)
-FOV_Y = 55.0
 SIZE = 1280, 720
 PRINTED_COLUMNS, ROWS_PER_COLUMN = 80, 0.3
 
@@ -63,35 +59,6 @@ def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
     print(f"tsplat: warning: {' '.join(str(message).split())}", file=sys.stderr)
 
 
-def _shared(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Add options that several commands share, in this order."""
-    known = {
-        "up": click.option("--up", type=UP, help="What is up: x, y, z, -x, -y, -z or three numbers. [guessed]"),
-        "antialias": click.option("--antialias", type=click.Choice(ANTIALIAS), help=ANTIALIAS_HELP),
-        "sh-degree": click.option("--sh-degree", type=click.IntRange(0, 3), default=3, show_default=True,
-                                  help="Highest degree of spherical harmonics."),
-        "threads": click.option("--threads", type=click.IntRange(0, 1024), default=0, help="0 means all. [0]"),
-        "max-splats": click.option("--max-splats", type=click.IntRange(1), metavar="N",
-                                   help="Keep the N splats with the largest opacity times area. [all]"),
-        "raw-opacity": click.option("--raw-opacity", is_flag=True,
-                                    help="The file holds opacities from 0 to 1, not their logits."),
-        "fov-y": click.option("--fov-y", type=click.FloatRange(0, 180, True, True), default=FOV_Y,
-                              show_default=True, metavar="DEGREES", help="Vertical field of view."),
-        "train-focal": click.option("--train-focal", type=click.FloatRange(0, min_open=True), metavar="PIXELS",
-                                    help="Focal length of the training pictures, for --antialias relative. "
-                                    "[cameras.json beside the scene, else 1100]"),
-        "background": click.option("--background", type=BACKGROUND, default="black", show_default=True,
-                                   help="black, white, #rrggbb, or three numbers from 0 to 1."),
-    }  # fmt: skip
-
-    def add(function: Callable[..., Any]) -> Callable[..., Any]:
-        for name in reversed(names):
-            function = known[name](function)
-        return function
-
-    return add
-
-
 @click.group(cls=ViewByDefault, context_settings={"help_option_names": ["-h", "--help"]}, options_metavar="",
              subcommand_metavar="[SCENE | COMMAND] [OPTIONS]")  # fmt: skip
 @click.version_option(__version__, message="tsplat %(version)s")
@@ -105,8 +72,8 @@ def command() -> None:
 
 @command.command(cls=Triples)
 @click.argument("scene", default=DEMO)
-@click.option("--output", type=click.Choice(OUTPUTS), help="How pictures are shown. [what the terminal can]")
-@_shared(
+@click.option("--output", type=click.Choice(ENCODERS), help="How pictures are shown. [what the terminal can]")
+@shared(
     "up", "antialias", "sh-degree", "background", "fov-y", "train-focal", "max-splats", "raw-opacity", "threads"
 )
 @click.option(
@@ -124,11 +91,11 @@ def view(scene: str, output: str | None, up: Vector | None, fov_y: float, raw_op
          width: int | None, height: int | None, **options: Any) -> None:  # fmt: skip
     """Open SCENE, or the demo, in the viewer: the default command; print one picture when piped."""
     printing = not sys.stdout.isatty()
-    if printing and output not in (None, "half", "half256"):
-        raise OptionError(f"--output {output} needs a terminal; a printed picture is half or half256")
+    if printing and output in PICTURES:
+        raise OptionError(f"--output {output} needs a terminal; a printed picture is text, half for example")
     warm_up = WarmUp()
-    gaussians = _load(scene, options.pop("max_splats"), raw_opacity, warm_up)
-    chosen = _options(scene, "relative", options)
+    gaussians = load_scene(scene, options.pop("max_splats"), raw_opacity, warm_up)
+    chosen = render_options(scene, "relative", options)
     if printing:
         wait_for_kernels(warm_up)
         return _print_frame(gaussians, chosen, output or "half", _printed_size(width, height), fov_y=fov_y, up=up)
@@ -149,7 +116,7 @@ def view(scene: str, output: str | None, up: Vector | None, fov_y: float, raw_op
 @click.option("--height", type=click.IntRange(1, 16384), default=SIZE[1], show_default=True, help="Pixels down.")
 @click.option("--eye", type=POINT, metavar="X Y Z", help="Where the camera is. [where the scene is in view]")
 @click.option("--target", type=POINT, metavar="X Y Z", help="What it looks at. [the scene's middle]")
-@_shared(
+@shared(
     "up", "fov-y", "sh-degree", "antialias", "background", "train-focal", "max-splats", "raw-opacity", "threads"
 )
 def render(scene: str, output: str, width: int, height: int, max_splats: int | None, raw_opacity: bool,
@@ -160,8 +127,8 @@ def render(scene: str, output: str, width: int, height: int, max_splats: int | N
     images.check_suffix(output)
     view = {name: options.pop(name) for name in ("eye", "target", "up", "fov_y")}
     warm_up = WarmUp()
-    gaussians = _load(scene, max_splats, raw_opacity, warm_up)
-    chosen = _options(scene, "classic", options)
+    gaussians = load_scene(scene, max_splats, raw_opacity, warm_up)
+    chosen = render_options(scene, "classic", options)
     camera = _camera(gaussians, width, height, **view)
     wait_for_kernels(warm_up)
     from tsplat.raster import rasterize
@@ -176,12 +143,12 @@ def render(scene: str, output: str, width: int, height: int, max_splats: int | N
 @command.command()
 @click.argument("scene")
 @click.option("--json", "as_json", is_flag=True, help="As JSON, for programs.")
-@_shared("max-splats", "raw-opacity")
+@shared("max-splats", "raw-opacity")
 def info(scene: str, as_json: bool, max_splats: int | None, raw_opacity: bool) -> None:
     """Print the count, bounds, percentiles and memory of SCENE, or `demo`."""
     from tsplat.summary import summarize
 
-    summary = summarize(_load(scene, max_splats, raw_opacity)).as_dict()
+    summary = summarize(load_scene(scene, max_splats, raw_opacity)).as_dict()
     if as_json:
         import json
 
@@ -192,24 +159,7 @@ def info(scene: str, as_json: bool, max_splats: int | None, raw_opacity: bool) -
 
 command.add_command(bench)
 command.add_command(doctor)
-
-
-def _load(scene: str, max_splats: int | None, raw_opacity: bool, warm_up: WarmUp | None = None) -> Gaussians:
-    from tsplat.io import load
-
-    with loading(scene, warm_up) as progress:
-        return load(scene_path(scene), max_splats=max_splats, raw_opacity=raw_opacity, progress=progress)
-
-
-def _options(scene: str, antialias: str, options: dict[str, Any]) -> RenderOptions:
-    """Return the options; training cameras beside the scene say what `relative` is relative to."""
-    options["antialias"] = options["antialias"] or antialias
-    if options["train_focal"] is None:
-        from tsplat.io import train_focal_beside
-
-        wanted = options["antialias"] == "relative"
-        options["train_focal"] = (wanted and train_focal_beside(scene_path(scene))) or TRAIN_FOCAL_GUESS
-    return RenderOptions(depths=False, **options)
+command.add_command(record)
 
 
 def _camera(
@@ -250,13 +200,16 @@ def _print_frame(
     fov_y: float,
     up: Vector | None,
 ) -> None:
-    from tsplat.encode.cells import HalfBlocks
+    from tsplat.encode.cells import Cells
     from tsplat.raster import rasterize
 
     columns, rows = size
-    frame = rasterize(gaussians, _camera(gaussians, columns, 2 * rows, fov_y=fov_y, up=up), options).frame()
+    cells = Cells(output, 0 if os.environ.get("NO_COLOR") else 1 << 24)
+    across, down = cells.pixels_per_cell(*FALLBACK_CELL)
+    camera = _camera(gaussians, columns, 2 * rows, fov_y=fov_y, up=up).resized(columns * across, rows * down)
+    frame = rasterize(gaussians, camera, options).frame()
     sys.stdout.flush()
-    sys.stdout.buffer.writelines(HalfBlocks(256 if output == "half256" else 1 << 24).lines(frame))
+    sys.stdout.buffer.writelines(cells.lines(frame))
     sys.stdout.buffer.flush()
 
 

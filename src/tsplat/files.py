@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
-from tsplat.errors import SaveError
+from tsplat.errors import SaveError, TsplatError
 
 
 @contextmanager
@@ -18,10 +19,12 @@ def replacing(path: Path) -> Iterator[BinaryIO]:
     Raises
     ------
     SaveError
-        It cannot be written; nothing is left behind.
+        It cannot be written, which is tried before anything else is done; nothing is left behind.
     """
     beside = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, "it is a folder")
         try:
             with beside.open("xb") as file:
                 yield file
@@ -29,5 +32,7 @@ def replacing(path: Path) -> Iterator[BinaryIO]:
         except BaseException:
             beside.unlink(missing_ok=True)
             raise
+    except TsplatError:
+        raise  # what went wrong was not the writing
     except OSError as error:
         raise SaveError(f"{path}: cannot be written: {error.strerror or error}; choose another folder") from error

@@ -11,7 +11,7 @@ from pathlib import Path
 from tsplat.warmup import WarmUp
 
 BAR_AFTER = 1.0
-"""Seconds of loading before a progress bar appears."""
+"""Seconds of loading or drawing before a progress bar appears."""
 
 WARM_UP_AFTER = 0.2
 """Seconds of loading before the kernels are made ready beside it: two threads that both want the interpreter
@@ -25,8 +25,13 @@ ERASE_LINE = "\r\x1b[K"
 
 
 @contextmanager
-def loading(name: str, warm_up: WarmUp | None = None) -> Iterator[Callable[[float], None]]:
-    """Give a callback that shows a bar on a terminal, and starts ``warm_up``, when loading takes long enough."""
+def loading(
+    name: str, warm_up: WarmUp | None = None, *, doing: str = "loading"
+) -> Iterator[Callable[[float], None]]:
+    """Give a callback that shows a bar on a terminal, and starts ``warm_up``, when loading takes long enough.
+
+    ``doing`` says what else than loading takes long.
+    """
     start, bar, terminal = time.perf_counter(), None, sys.stderr.isatty()
 
     def show(fraction: float) -> None:
@@ -39,7 +44,7 @@ def loading(name: str, warm_up: WarmUp | None = None) -> Iterator[Callable[[floa
             from rich.progress import Progress
 
             bar = Progress(console=Console(stderr=True), transient=True)
-            bar.add_task(f"loading {Path(name).name}", total=1.0)
+            bar.add_task(f"{doing} {Path(name).name}", total=1.0)
             bar.start()
         if bar is not None:
             bar.update(bar.task_ids[0], completed=fraction)

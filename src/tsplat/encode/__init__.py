@@ -8,12 +8,15 @@ from __future__ import annotations
 from tsplat.encode.protocol import FALLBACK_CELL, EncodedFrame, Encoder
 from tsplat.errors import OptionError
 
-__all__ = ["ENCODERS", "FALLBACK_CELL", "EncodedFrame", "Encoder", "encoder"]
+__all__ = ["ENCODERS", "FALLBACK_CELL", "PICTURES", "EncodedFrame", "Encoder", "encoder"]
 
 ENCODERS: tuple[str, ...] = (
     "kitty", "iterm2", "sixel", "octant", "sextant", "quadrant", "half", "half256", "braille", "ascii",
 )  # fmt: skip
-"""Names of the encoders, best picture first; those from octant on are text."""
+"""Names of the encoders, best picture first."""
+
+PICTURES = ENCODERS[:3]
+"""Those that are no text."""
 
 
 def encoder(name: str, colors: int = 1 << 24, transport: str = "direct", *, tmux: bool = False) -> Encoder:

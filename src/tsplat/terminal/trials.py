@@ -44,7 +44,7 @@ class Trials:
 
     def _shared(self) -> str:
         # Not multiprocessing.shared_memory: it starts a process that removes what the terminal removed.
-        import _posixshmem  # type: ignore[import-not-found]  # CPython's own, on every POSIX system
+        import _posixshmem  # CPython's own, on every POSIX system
 
         name = f"/tsplat-{secrets.token_hex(8)}"
         descriptor = _posixshmem.shm_open(name, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o600)

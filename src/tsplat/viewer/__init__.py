@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from tsplat.rendering import RenderOptions, available_processors
 from tsplat.scene import Gaussians
 from tsplat.terminal.pacing import LATENCY, Pacer
+
+if TYPE_CHECKING:
+    from tsplat.viewer.recorder import Recorder
 
 __all__ = ["view"]
 
@@ -24,6 +28,7 @@ def view(
     fov_y: float = 55.0,
     raw_opacity: bool = False,
     latency: float = LATENCY,
+    recorder: Recorder | None = None,
 ) -> None:
     """Open the viewer; it returns when the person quits, with the terminal as it was.
 
@@ -45,6 +50,8 @@ def view(
         Whether the scene was loaded with raw opacities.
     latency : float
         Seconds that a frame may take on its way while the view moves; what would take longer is sent coarser.
+    recorder : Recorder, optional
+        Who records the session; outputs that it does not take are not offered.
 
     Raises
     ------
@@ -54,15 +61,20 @@ def view(
         There is no such output.
     """
     from tsplat.framing import start_pose
-    from tsplat.terminal import Session, choose_output, outputs
+    from tsplat.terminal import choose_output, outputs
     from tsplat.viewer.loop import Viewer
-    from tsplat.viewer.picture import Painter, screen_pixels
+    from tsplat.viewer.picture import screen_pixels
+    from tsplat.viewer.recorder import Recorder
     from tsplat.viewer.scenes import SceneVariants
     from tsplat.viewer.state import ViewerState
 
-    with Session() as session:
+    recorder = recorder or Recorder()
+    with recorder.session() as session:
         size = session.size()
-        chosen, known = choose_output(output, os.environ, session.profile), outputs(session.profile)
+        chosen = choose_output(output, os.environ, session.profile)
+        known = tuple(name for name in outputs(session.profile) if recorder.takes(name))
+        if not recorder.takes(chosen):
+            chosen = known[0]
         width, height = screen_pixels(size, chosen)
         start = start_pose(gaussians, aspect=width / height, fov_y=fov_y, up=up)
         state = ViewerState(
@@ -82,6 +94,6 @@ def view(
             releases=session.profile.kitty_keyboard,
             message=GREETING,
         )
-        painter = Painter(SceneVariants(gaussians, raw_opacity=raw_opacity), session.profile)
+        painter = recorder.painter(SceneVariants(gaussians, raw_opacity=raw_opacity), session.profile)
         pacer = Pacer(latency, remote=session.profile.remote)
         Viewer(session, painter, state, f"tsplat-{name}", Path.cwd(), pacer).run()

@@ -1,0 +1,70 @@
+"""Options that several commands share, and what they make: a scene, and how to draw it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import rich_click as click
+
+from tsplat.arguments import BACKGROUND, UP, scene_path
+from tsplat.progress import loading
+from tsplat.rendering import ANTIALIAS, TRAIN_FOCAL_GUESS, RenderOptions
+from tsplat.warmup import WarmUp
+
+if TYPE_CHECKING:
+    from tsplat.scene import Gaussians
+
+ANTIALIAS_HELP = (
+    "How splats meet pixels: classic as in training, mip with opacities compensated, "
+    "relative to the training pictures. [render: classic; else relative]"
+)
+FOV_Y = 55.0
+
+
+def shared(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Return a decorator that adds the options of these names, in this order, to a command."""
+    known = {
+        "up": click.option("--up", type=UP, help="What is up: x, y, z, -x, -y, -z or three numbers. [guessed]"),
+        "antialias": click.option("--antialias", type=click.Choice(ANTIALIAS), help=ANTIALIAS_HELP),
+        "sh-degree": click.option("--sh-degree", type=click.IntRange(0, 3), default=3, show_default=True,
+                                  help="Highest degree of spherical harmonics."),
+        "threads": click.option("--threads", type=click.IntRange(0, 1024), default=0, help="0 means all. [0]"),
+        "max-splats": click.option("--max-splats", type=click.IntRange(1), metavar="N",
+                                   help="Keep the N splats with the largest opacity times area. [all]"),
+        "raw-opacity": click.option("--raw-opacity", is_flag=True,
+                                    help="The file holds opacities from 0 to 1, not their logits."),
+        "fov-y": click.option("--fov-y", type=click.FloatRange(0, 180, True, True), default=FOV_Y,
+                              show_default=True, metavar="DEGREES", help="Vertical field of view."),
+        "train-focal": click.option("--train-focal", type=click.FloatRange(0, min_open=True), metavar="PIXELS",
+                                    help="Focal length of the training pictures, for --antialias relative. "
+                                    "[cameras.json beside the scene, else 1100]"),
+        "background": click.option("--background", type=BACKGROUND, default="black", show_default=True,
+                                   help="black, white, #rrggbb, or three numbers from 0 to 1."),
+    }  # fmt: skip
+
+    def add(function: Callable[..., Any]) -> Callable[..., Any]:
+        for name in reversed(names):
+            function = known[name](function)
+        return function
+
+    return add
+
+
+def load_scene(scene: str, max_splats: int | None, raw_opacity: bool, warm_up: WarmUp | None = None) -> Gaussians:
+    """Return the scene a person named, with a bar on stderr when that takes long."""
+    from tsplat.io import load
+
+    with loading(scene, warm_up) as progress:
+        return load(scene_path(scene), max_splats=max_splats, raw_opacity=raw_opacity, progress=progress)
+
+
+def render_options(scene: str, antialias: str, options: dict[str, Any]) -> RenderOptions:
+    """Return the options; training cameras beside the scene say what `relative` is relative to."""
+    options["antialias"] = options["antialias"] or antialias
+    if options["train_focal"] is None:
+        from tsplat.io import train_focal_beside
+
+        wanted = options["antialias"] == "relative"
+        options["train_focal"] = (wanted and train_focal_beside(scene_path(scene))) or TRAIN_FOCAL_GUESS
+    return RenderOptions(depths=False, **options)

@@ -1,0 +1,1 @@
+"""`tsplat record`: an orbit or a session, as an asciicast or a moving picture."""
