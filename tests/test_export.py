@@ -200,8 +200,9 @@ def test_a_video_that_cannot_be_written_is_a_save_error(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["a:b.mp4", "http:x.mp4", "%d 100%.mp4", "ä ö.mp4"])
-def test_a_video_may_have_any_name(tmp_path: Path, name: str) -> None:
-    with replacing(tmp_path / name) as file:
+def test_a_video_may_have_any_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    with replacing(Path(name)) as file:
         export.write(file, ".mp4", [a_frame(0)], 20)
     assert [path.name for path in tmp_path.iterdir()] == [name]
     assert b"moov" in (tmp_path / name).read_bytes()

@@ -33,7 +33,7 @@ from tsplat.viewer.state import ViewerState
 pytestmark = pytest.mark.usefixtures("compiled")
 
 GAUSSIANS = random_gaussians(np.random.default_rng(8), 400, sh_degree=0)
-OLD_TERMINAL = b"\x1b[?1;2c"
+OLD_TERMINAL, WITH_SIXEL = b"\x1b[?1;2c", b"\x1b[?62;4c"
 
 
 @pytest.fixture
@@ -42,14 +42,14 @@ def scene(tmp_path: Path) -> Path:
 
 
 @contextmanager
-def recording(out: Path, scene: Path, *args: str) -> Iterator[Terminal]:
-    """Open the viewer in a terminal, recorded; what it answers is that it is an old one."""
+def recording(out: Path, scene: Path, *args: str, answer: bytes = OLD_TERMINAL) -> Iterator[Terminal]:
+    """Open the viewer, recorded, in a terminal that answers only what it is."""
     call = ["record", str(out), str(scene), "--live", *args]
     script = f"import sys\nfrom tsplat import cli\nsys.exit(cli.main({call!r}))"
     kept = {name: text for name, text in os.environ.items() if name.startswith(("HOME", "XDG_", "NUMBA_"))}
     with Terminal.python(script, kept | {"COLORTERM": "truecolor"}) as terminal:
         terminal.wait_for(b"\x1b[c")
-        terminal.type(OLD_TERMINAL)
+        terminal.type(answer)
         terminal.wait_for(b"splats ")
         yield terminal
 
@@ -101,10 +101,11 @@ def test_a_cast_of_a_session_is_made_of_text_whatever_is_asked_for(
     scene: Path, tmp_path: Path, output: str
 ) -> None:
     out = tmp_path / "x.cast"
-    with recording(out, scene, "--output", output) as terminal:
-        before = len(terminal.seen)
-        terminal.type(b"m")
-        terminal.wait_for(b"splats ", start=before)
+    with recording(out, scene, "--output", output, answer=WITH_SIXEL) as terminal:
+        for _ in range(3):  # outputs, one after another
+            before = len(terminal.seen)
+            terminal.type(b"m")
+            terminal.wait_for(b"splats ", start=before)
         terminal.type(b"q")
         assert terminal.wait() == 0
     _, events = read_cast(out.read_bytes())
