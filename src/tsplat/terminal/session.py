@@ -18,6 +18,7 @@ from tsplat.terminal.modes import SCREEN, UNFINISHED, reports_pixels, turn_off, 
 from tsplat.terminal.parser import Parser, PixelReport, SizeReport
 from tsplat.terminal.probe import Profile, detect, size_questions
 from tsplat.terminal.questions import is_remote
+from tsplat.terminal.sizes import Sizes
 
 if TYPE_CHECKING:
     from tsplat.terminal.device import Device
@@ -34,8 +35,6 @@ FAREWELL_SECONDS = 1.0
 
 _LATE_BYTES = 1 << 14
 """Bytes of input among which late answers are looked for; then there are none to come."""
-
-_FALLBACK_SIZE = (80, 24)
 
 
 class Session:
@@ -78,9 +77,8 @@ class Session:
         self._signalled: set[int] = set()
         self._unanswered = 0
         self._hearing: Hearing | None = None
-        self._reported: tuple[int, int] | None = None
-        self._cell_size: tuple[int, int] | None = None
         self._device: Device
+        self._sizes: Sizes
         self._signals: Signals
 
     def __enter__(self) -> Session:
@@ -109,12 +107,7 @@ class Session:
 
     def size(self) -> TerminalSize:
         """Return the size now; 80 x 24 where the terminal does not say."""
-        columns, rows, width, height = self._window_size()
-        columns, rows = columns or _FALLBACK_SIZE[0], rows or _FALLBACK_SIZE[1]
-        # The window's pixels may include a border, and are often missing; the terminal's answer is better.
-        return TerminalSize(
-            columns, rows, *(self._cell_size or _cell_size(columns, rows, width, height) or (0, 0))
-        )
+        return self._sizes.now()
 
     def events(self, timeout: float) -> list[Event]:
         """Return what happened, as soon as something did; an empty list after ``timeout`` seconds.
@@ -174,12 +167,11 @@ class Session:
 
     def _take(self) -> None:
         self._device.set_raw()
-        self._reported = None
         self._send(SCREEN[0])
         if not self._known:
             # Asked on the alternate screen, where what a terminal prints by mistake harms nobody.
             self._ask()
-        self._set_cell_size(self.profile.cell_size)
+        self._know_sizes()
         self._send(turn_on(self.profile))
 
     def _ask(self) -> None:
@@ -199,7 +191,7 @@ class Session:
             return
         before, hearing, self._hearing = self.profile, self._hearing, None
         self.profile = detect(self._environment, hearing.replies, hearing.tmux)
-        self._set_cell_size(self.profile.cell_size)
+        self._know_sizes()
         self._send(turn_on(self.profile, before))
         self._waiting.append(Resize(self.size()))
 
@@ -288,38 +280,20 @@ class Session:
             self._take()
             self._waiting.append(Resize(self.size()))
         elif signal.SIGWINCH in signals:
-            self._reported = None
+            self._sizes.heed_kernel()
             self._waiting.append(Resize(self.size()))
             self._send(size_questions(self.profile))
 
+    def _know_sizes(self) -> None:
+        self._sizes = Sizes(self._device.window_size, self.profile)
+        self._set_mouse_unit()
+
     def _measure(self, report: PixelReport | SizeReport) -> None:
         """Take sizes from a late answer or a new size; another size than before is a `Resize`."""
-        before = self.size()
-        if isinstance(report, SizeReport):
-            # What came last is right: over SSH, the kernel may learn of it earlier or later.
-            self._reported = report.columns, report.rows
-            if self.profile.cell_size:
-                self._set_cell_size(_cell_size(report.columns, report.rows, report.width, report.height))
-        elif report.kind == 6:
-            self._set_cell_size((report.width, report.height))
-        elif self.profile.cell_size is None:
-            self._set_cell_size(_cell_size(*self._window_size()[:2], report.width, report.height))
-        if self.size() != before:
+        if self._sizes.take(report):
+            self._set_mouse_unit()
             self._waiting.append(Resize(self.size()))
 
-    def _window_size(self) -> tuple[int, int, int, int]:
-        columns, rows, width, height = self._device.window_size()
-        if self._reported in (None, (columns, rows)):
-            return columns, rows, width, height
-        return (*self._reported, 0, 0)
-
-    def _set_cell_size(self, cell_size: tuple[int, int] | None) -> None:
-        columns, rows = self._window_size()[:2]
-        self._cell_size = cell_size or _cell_size(columns, rows, *(self.profile.window_size or (0, 0)))
-        if cell_size and reports_pixels(self.profile):
-            self._parser.mouse_unit = cell_size
-
-
-def _cell_size(columns: int, rows: int, width: int, height: int) -> tuple[int, int] | None:
-    """Return the size of a cell in a window of this size, None where something is not known."""
-    return (width // columns, height // rows) if min(columns, rows, width, height) > 0 else None
+    def _set_mouse_unit(self) -> None:
+        if self._sizes.cell_size and reports_pixels(self.profile):
+            self._parser.mouse_unit = self._sizes.cell_size

@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import secrets
-import tempfile
 from base64 import b64encode
 from collections.abc import Mapping
 from types import TracebackType
@@ -46,7 +44,7 @@ class Trials:
         # Not multiprocessing.shared_memory: it starts a process that removes what the terminal removed.
         import _posixshmem  # CPython's own, on every POSIX system
 
-        name = f"/tsplat-{secrets.token_hex(8)}"
+        name = f"/tsplat-{os.urandom(8).hex()}"
         descriptor = _posixshmem.shm_open(name, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o600)
         self._exit.callback(_without, _posixshmem.shm_unlink, name)
         with open(descriptor, "wb", buffering=0) as memory:
@@ -55,6 +53,8 @@ class Trials:
         return name
 
     def _file(self) -> str:
+        import tempfile  # 4 ms that a terminal far away does not need
+
         descriptor, path = tempfile.mkstemp(prefix=f"tsplat-{_MARK}-")
         self._exit.callback(_without, os.unlink, path)
         with open(descriptor, "wb", buffering=0) as file:
