@@ -113,7 +113,7 @@ class Terminal:
             data = self._rest + received
             if not self._asked and b"\x1b[c" in data:
                 self._asked = True
-                self.type(ANSWERS[self.output])
+                self.type(ANSWERS.get(self.output, ANSWERS["half"]))
             *frames, self._rest = data.split(QUESTION)
             with self._lock:
                 self.bytes += len(received)

@@ -5,6 +5,7 @@ Anything slow to import is imported by the command that needs it: ``--help`` and
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 import warnings
@@ -51,7 +52,8 @@ def main(args: Sequence[str] | None = None) -> int:
 
 
 def _fail(text: str) -> int:
-    print(f"tsplat: {' '.join(text.split())}", file=sys.stderr)
+    with contextlib.suppress(OSError):  # the terminal it would be said on may be what is gone
+        print(f"tsplat: {' '.join(text.split())}", file=sys.stderr, flush=True)
     return 2
 
 

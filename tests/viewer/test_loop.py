@@ -78,6 +78,8 @@ class FakeEncoder:
 class FakePainter(Painter):
     """Counts instead of drawing."""
 
+    profile = FakeTerminal.profile
+
     def __init__(self) -> None:
         self.encoder = None
         self.views: list[ViewerState] = []

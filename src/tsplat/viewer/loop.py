@@ -6,6 +6,7 @@ their way have arrived. Once nothing changes, the last one is replaced by the wh
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections import deque
 from collections.abc import Iterator
@@ -14,9 +15,10 @@ from functools import partial
 from pathlib import Path
 from typing import Protocol
 
-from tsplat.errors import SaveError
+from tsplat.errors import SaveError, TerminalError
+from tsplat.terminal import outputs
 from tsplat.terminal.keys import Answered, Event, Resize
-from tsplat.terminal.pacing import FULL, STALL_SECONDS, Pacer, Quality
+from tsplat.terminal.pacing import DEAF_SECONDS, FULL, STALL_SECONDS, Pacer, Quality
 from tsplat.terminal.probe import Profile
 from tsplat.viewer.hud import Measured, layout
 from tsplat.viewer.picture import HOME, Drawn, Painter, empty_cell, free_path
@@ -97,7 +99,19 @@ class Viewer:
         self.last_ms = {"encode": 0.0, "write": 0.0}
 
     def run(self) -> None:
-        """Draw and obey until a key ends it."""
+        """Draw and obey until a key ends it; no picture stays behind."""
+        try:
+            self._run()
+        except TerminalError:
+            self.painter.clear()  # there is nobody to write to
+            raise
+        except BaseException:
+            with contextlib.suppress(TerminalError):
+                self.session.write(self.painter.clear())
+            raise
+        self.session.write(self.painter.clear())
+
+    def _run(self) -> None:
         self.warm_up()
         self.send(b"")  # how long the way is shows best on a frame of nothing
         last_tick: float | None = None
@@ -123,6 +137,8 @@ class Viewer:
         due = max(self.next_frame, self.pacer.due(now))
         if due > now:
             return due - now
+        if not self.changed and self.pacer.waiting:
+            return DEAF_SECONDS  # a key that comes now should have to wait for one piece at most
         self.next_frame = now + FRAME_SECONDS
         if self.changed:
             self.show(now)
@@ -143,11 +159,20 @@ class Viewer:
                 continue
             if isinstance(event, Resize):
                 self.pacer.restart()  # the terminal may have been given back in between, answers and all
+                self.learn()
             before, self.state = self.state, update(self.state, event)
             if self.state.pictures != before.pictures:
                 self.save_picture()
             if self.state.suspends != before.suspends:
                 self.session.suspend()
+
+    def learn(self) -> None:
+        """Take over what the terminal answered only now."""
+        profile = self.session.profile
+        if profile is not self.painter.profile:
+            self.painter.profile, known = profile, outputs(profile)
+            known = known if self.state.output in known else (self.state.output, *known)
+            self.state = replace(self.state, outputs=known, releases=profile.kitty_keyboard)
 
     def save_picture(self) -> None:
         """Save the view and say where, or why not."""

@@ -110,6 +110,10 @@ class Painter:
         """Whether pieces of a frame are parts of one update, not updates of their own."""
         return self.encoder is not None and self.encoder.divisible
 
+    def clear(self) -> bytes:
+        """Return what removes the pictures left on screen, and free what they hold elsewhere."""
+        return self.encoder.clear() if self.encoder else b""
+
     def abandon(self) -> bytes:
         """Return what ends the pieces sent so far, when the rest of them will not follow."""
         return self.encoder.abandon() if self.encoder else b""
