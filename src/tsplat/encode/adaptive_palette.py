@@ -22,8 +22,8 @@ Making one costs three frames and shifts all colours a little, which the eye see
 
 
 _BACKGROUND_SHARE = 0.05
-"""A colour of so large a part of the frame is taken for the background and kept as it is: a change of the whole
-background is what one sees first when the palette changes, and an average of it with its surroundings is one."""
+"""A colour of so large a part of the frame is taken for its background. Median cut keeps it as it is, but the middle
+of its bin may lie nearer to another colour; and what one sees first is when the whole background changes."""
 
 _SPREAD_PER_ERROR = 3.46
 """Colours that lie a step apart have a root mean squared error of this part of it, the square root of 12."""
@@ -107,10 +107,6 @@ class AdaptivePalette:
 
         cut = Image.fromarray(thumbnail).quantize(self.size, Image.Quantize.MEDIANCUT)
         found = np.array(cut.getpalette(), np.int32).reshape(-1, 3)[: int(np.asarray(cut).max()) + 1]
-        self._background = _common_color(thumbnail)
-        background = np.array([self._background >> 16, self._background >> 8 & 255, self._background & 255])
-        if self._background >= 0:
-            found[np.argmin(((found - background) ** 2).sum(axis=1))] = background
         # What is missing repeats the last colour, which the first of the equals always wins.
         colors = np.concatenate([found, np.repeat(found[-1:], 256 - len(found), axis=0)])
         # Sixel says colours in percent.
@@ -120,7 +116,9 @@ class AdaptivePalette:
             b"#%d;2;%d;%d;%d" % (index, *color) for index, color in enumerate(percent[: len(found)].tolist())
         )
         _fill(np.ascontiguousarray(self.colors.T, np.int32), self.index_from_bin)
+        self._background = _common_color(thumbnail)
         if self._background >= 0:
+            background = np.array([self._background >> 16, self._background >> 8 & 255, self._background & 255])
             nearest = np.argmin(((self.colors - background) ** 2).sum(axis=1))
             self.index_from_bin[bin_from_color(background.astype(np.uint8))] = nearest
 
