@@ -54,8 +54,8 @@ def test_each_cell_says_its_row_and_column_and_whose_it_is(columns: int, rows: i
         assert cell.fg == FG_BG_256[115]
 
 
-def test_text_after_the_cells_has_its_own_colours() -> None:
-    screen = screen_of(placeholder_cells(115, 2, 2) + b"\x1b[Hx")
+def test_text_after_the_cells_has_the_colours_of_the_terminal_whatever_came_before() -> None:
+    screen = screen_of(b"\x1b[31m" + placeholder_cells(115, 2, 2) + b"\x1b[Hx")
     assert screen.buffer[0][0].fg == "default"
 
 

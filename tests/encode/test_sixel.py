@@ -132,15 +132,14 @@ def test_a_tolerance_makes_flat_what_differs_by_less() -> None:
     assert len(np.unique(palette.indices(frame, tolerance=16))) == 1
 
 
-@pytest.mark.parametrize("fidelity", [1.0, 0.8, 0.2])
+@pytest.mark.parametrize("fidelity", [1.0, 0.6, 0.2])
 def test_a_background_keeps_its_colour_and_nothing_runs_into_it(fidelity: float) -> None:
     frame = textured(60, 36)
-    frame[:20] //= 8
-    frame[20:] = 0, 51, 102  # whole percents
+    frame[20:33] = np.random.default_rng(4).integers(0, 18, (13, 60, 3))
+    frame[33:] = 0
     sixel = Sixel()
     sixel.fidelity = fidelity
-    shown = decode(sixel.encode(frame, 6, 3, (10, 12)).draw)[20:36]
-    assert difference(shown, frame[20:]) <= 1
+    assert not decode(sixel.encode(frame, 6, 3, (10, 12)).draw)[33:36].any()
 
 
 def test_dithering_brings_each_patch_closer_to_its_colour_on_average() -> None:

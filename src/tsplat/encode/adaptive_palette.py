@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tsplat._jit import JIT, kernel
+from tsplat.encode.palette_lookup import look_up, look_up_dithered, look_up_lazily
 from tsplat.encode.protocol import U8
 
 I32 = npt.NDArray[np.int32]
@@ -22,17 +23,14 @@ Making one costs three frames and shifts all colours a little, which the eye see
 
 
 _BACKGROUND_SHARE = 0.05
-"""A colour of so large a part of the frame is taken for the background and kept as it is: a change of the whole
-background is what one sees first when the palette changes, and an average of it with its surroundings is one."""
+"""A colour of so large a part of the frame is taken for its background. Median cut keeps it as it is, but the
+middle of its bin may lie nearer to another colour; and what one sees first is when a whole background changes."""
 
 _SPREAD_PER_ERROR = 3.46
 """Colours that lie a step apart have a root mean squared error of this part of it, the square root of 12."""
 
 _PACKING = np.array([1 << 16, 1 << 8, 1], np.int32)
 """Red, green and blue times this is 0xRRGGBB."""
-
-_BAYER = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]], np.int32)
-"""Bayer's order of 16 thresholds: neighbours in it lie far apart."""
 
 
 class AdaptivePalette:
@@ -85,13 +83,13 @@ class AdaptivePalette:
         """
         found = np.empty(frame.shape[:2], np.uint8)
         if dither:
-            _look_up_dithered(frame, self.index_from_bin, self.spread, found)
+            look_up_dithered(frame, self.index_from_bin, self.spread, found)
         elif tolerance:
             packed = self.colors.astype(np.int32) @ _PACKING
             limit = tolerance * tolerance
-            _look_up_lazily(frame, self.index_from_bin, packed, self._background, limit, found)
+            look_up_lazily(frame, self.index_from_bin, packed, self._background, limit, found)
         else:
-            _look_up(frame, self.index_from_bin, found)
+            look_up(frame, self.index_from_bin, found)
         return found
 
     def quantize(self, frame: U8) -> U8:
@@ -107,10 +105,6 @@ class AdaptivePalette:
 
         cut = Image.fromarray(thumbnail).quantize(self.size, Image.Quantize.MEDIANCUT)
         found = np.array(cut.getpalette(), np.int32).reshape(-1, 3)[: int(np.asarray(cut).max()) + 1]
-        self._background = _common_color(thumbnail)
-        background = np.array([self._background >> 16, self._background >> 8 & 255, self._background & 255])
-        if self._background >= 0:
-            found[np.argmin(((found - background) ** 2).sum(axis=1))] = background
         # What is missing repeats the last colour, which the first of the equals always wins.
         colors = np.concatenate([found, np.repeat(found[-1:], 256 - len(found), axis=0)])
         # Sixel says colours in percent.
@@ -120,7 +114,9 @@ class AdaptivePalette:
             b"#%d;2;%d;%d;%d" % (index, *color) for index, color in enumerate(percent[: len(found)].tolist())
         )
         _fill(np.ascontiguousarray(self.colors.T, np.int32), self.index_from_bin)
+        self._background = _common_color(thumbnail)
         if self._background >= 0:
+            background = np.array([self._background >> 16, self._background >> 8 & 255, self._background & 255])
             nearest = np.argmin(((self.colors - background) ** 2).sum(axis=1))
             self.index_from_bin[bin_from_color(background.astype(np.uint8))] = nearest
 
@@ -136,61 +132,6 @@ def bin_from_color(frame: U8) -> npt.NDArray[np.uint16]:
     """Return the upper five bits of red, green and blue of each pixel as one number, below 32768."""
     five = (frame >> 3).astype(np.uint16)
     return (five[..., 0] << 10 | five[..., 1] << 5 | five[..., 2]).astype(np.uint16, copy=False)
-
-
-@kernel
-def _bin(red: int, green: int, blue: int) -> int:
-    return (red >> 3) << 10 | (green >> 3) << 5 | blue >> 3
-
-
-@kernel
-def _look_up(frame: U8, index_from_bin: U8, found: U8) -> None:
-    height, width = found.shape
-    for y in range(height):
-        for x in range(width):
-            found[y, x] = index_from_bin[_bin(int(frame[y, x, 0]), int(frame[y, x, 1]), int(frame[y, x, 2]))]
-
-
-@kernel
-def _look_up_dithered(frame: U8, index_from_bin: U8, spread: int, found: U8) -> None:
-    height, width = found.shape
-    for y in range(height):
-        for x in range(width):
-            # Thresholds from -15/32 to 15/32 of the spread: on average nothing is added.
-            offset = (2 * _BAYER[y & 3, x & 3] - 15) * spread // 32
-            red = min(max(int(frame[y, x, 0]) + offset, 0), 255)
-            green = min(max(int(frame[y, x, 1]) + offset, 0), 255)
-            blue = min(max(int(frame[y, x, 2]) + offset, 0), 255)
-            found[y, x] = index_from_bin[_bin(red, green, blue)]
-
-
-@kernel
-def _distance(red: int, green: int, blue: int, color: int) -> int:
-    red, green, blue = red - (color >> 16), green - (color >> 8 & 255), blue - (color & 255)
-    return red * red + green * green + blue * blue
-
-
-@kernel
-def _look_up_lazily(frame: U8, index_from_bin: U8, packed: I32, background: int, most: int, found: U8) -> None:
-    height, width = found.shape
-    for y in range(height):
-        above = found[max(y - 1, 0)]
-        left = index_from_bin[_bin(int(frame[y, 0, 0]), int(frame[y, 0, 1]), int(frame[y, 0, 2]))]
-        if y == 0:
-            above[:] = left
-        left_color = packed[left]
-        for x in range(width):
-            red, green, blue = int(frame[y, x, 0]), int(frame[y, x, 1]), int(frame[y, x, 2])
-            # Selections instead of branches: which of the three it is cannot be foreseen.
-            # What need not wait for the pixel on the left comes first.
-            other = index_from_bin[_bin(red, green, blue)]
-            limit = -1 if (red << 16 | green << 8 | blue) == background else most
-            near_above = _distance(red, green, blue, packed[above[x]]) <= limit
-            other = above[x] if near_above else other
-            other_color = packed[other]
-            stays = _distance(red, green, blue, left_color) <= limit and not near_above
-            left, left_color = (left, left_color) if stays else (other, other_color)
-            found[y, x] = left
 
 
 @kernel

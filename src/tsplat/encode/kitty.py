@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from tsplat.encode.handover import Handover
 from tsplat.encode.placeholders import MARKS, placeholder_cells
 from tsplat.encode.png import palette_png, png
 from tsplat.encode.protocol import FALLBACK_CELL, U8, EncodedFrame
@@ -21,6 +20,7 @@ from tsplat.errors import OptionError
 
 if TYPE_CHECKING:
     from tsplat.encode.adaptive_palette import AdaptivePalette
+    from tsplat.encode.handover import Handover
 
 TRANSPORTS = ("shared", "file", "direct")
 """How frames can reach the terminal, fastest first; only "direct" leaves the machine."""
@@ -84,7 +84,11 @@ class Kitty:
         if transport not in TRANSPORTS:
             raise OptionError(f"kitty's transport must be one of {', '.join(TRANSPORTS)}, got {transport!r}")
         self.fidelity = 1.0
-        self._handover = None if transport == "direct" else Handover(transport)
+        self._handover: Handover | None = None
+        if transport != "direct":
+            from tsplat.encode.handover import Handover  # temporary files and their randomness, 10 ms
+
+            self._handover = Handover(transport)
         self._tmux = tmux
         self._ids = _PLACEHOLDER_IDS if tmux else _IDS
         self._shown: int | None = None
