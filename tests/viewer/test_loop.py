@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -79,6 +80,7 @@ class FakePainter(Painter):
     """Counts instead of drawing."""
 
     profile = FakeTerminal.profile
+    left_behind = b""
 
     def __init__(self) -> None:
         self.encoder = None
@@ -105,6 +107,9 @@ class FakePainter(Painter):
     def choose(self, state: ViewerState) -> FakeEncoder:  # type: ignore[override]
         self.encoder = FakeEncoder(state.output)  # type: ignore[assignment]
         return self.encoder  # type: ignore[return-value]
+
+    def clear(self) -> bytes:
+        return self.left_behind
 
     def save(self, state: ViewerState, path: Path) -> Path:  # noqa: ARG002
         if self.refuse:
@@ -260,6 +265,32 @@ def test_below_sixel_the_screen_has_the_scenes_background(tmp_path: Path) -> Non
     assert b"\x1b[0;48;2;255;128;0m\x1b[24;1H" in terminal.written[2]
 
 
+def test_no_picture_stays_behind_whatever_ends_the_session(tmp_path: Path) -> None:
+    class Killed(FakeTerminal):
+        def events(self, timeout: float) -> list[Event]:
+            if self.written and not timeout < 1.0:
+                raise SystemExit(143)
+            return super().events(timeout)
+
+    for terminal, end in ((FakeTerminal(), contextlib.nullcontext()), (Killed(), pytest.raises(SystemExit))):
+        painter = FakePainter()
+        painter.left_behind = b"(clear)"
+        with end:
+            Viewer(terminal, painter, a_state(), "tsplat-x", tmp_path).run()
+        assert terminal.written[-1] == b"(clear)"
+
+
+def test_what_the_terminal_answers_late_is_taken_over_with_the_new_size(tmp_path: Path) -> None:
+    terminal, painter = FakeTerminal([Resize(a_state().size)]), FakePainter()
+    terminal.profile = Profile(program="fake", colors=1 << 24, sixel=True, kitty_keyboard=True)
+    viewer = Viewer(terminal, painter, a_state(), "tsplat-x", tmp_path)
+    viewer.run()
+    assert viewer.state.releases
+    assert "sixel" in viewer.state.outputs
+    assert "kitty" in viewer.state.outputs
+    assert painter.profile is terminal.profile
+
+
 def test_an_error_while_drawing_is_not_swallowed(tmp_path: Path) -> None:
     class Broken(FakePainter):
         def draw(self, state: ViewerState, density: float = 1.0) -> Drawn:  # noqa: ARG002
@@ -297,12 +328,14 @@ def on_a_slow_link(tmp_path: Path, *batches: Sequence[Event]) -> tuple[Viewer, S
 
 
 def test_while_two_frames_are_unanswered_none_leaves_and_then_only_the_newest(tmp_path: Path) -> None:
-    _, terminal = on_a_slow_link(tmp_path, [Key("tab")], [Key("?")], [Answered(), Answered()], [])
-    first, piece, newest, *_ = terminal.written
-    assert b"(draw" in first
-    assert piece == b"<(piece 0)>"
-    assert b"quit" in newest
-    assert not any(b"antialias" in written for written in terminal.written)
+    keys: list[list[Event]] = [[Key("tab")], [Key("?")], [Key("tab")], [Key("m")]]
+    _, terminal = on_a_slow_link(tmp_path, *keys, [Answered(), Answered()], [])
+    first, second, newest, *_ = terminal.written
+    assert b"(draw kitty)" in first
+    assert b"antialias" in second
+    assert b"(draw sixel)" in newest
+    assert b"output: sixel" in newest
+    assert not any(b"quit" in written for written in terminal.written)
 
 
 def test_once_at_rest_the_whole_picture_comes_in_pieces_and_then_nothing(tmp_path: Path) -> None:

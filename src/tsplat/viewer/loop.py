@@ -107,9 +107,9 @@ class Viewer:
             raise
         except BaseException:
             with contextlib.suppress(TerminalError):
-                self.session.write(self.painter.clear())
+                self.clear()
             raise
-        self.session.write(self.painter.clear())
+        self.clear()
 
     def _run(self) -> None:
         self.warm_up()
@@ -125,6 +125,11 @@ class Viewer:
                 # The first tick after a rest stands for one frame, so that a key acts at once.
                 self.state = update(self.state, Tick(now - last_tick if last_tick else FRAME_SECONDS))
             last_tick = now if self.state.moving else None
+
+    def clear(self) -> None:
+        """Take the pictures off the screen."""
+        if pictures := self.painter.clear():
+            self.session.write(pictures)
 
     def step(self, now: float) -> float:
         """Send what is due; return how many seconds there is nothing to send, 0 when something was sent."""
