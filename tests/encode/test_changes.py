@@ -197,6 +197,17 @@ def test_what_is_left_out_is_never_more_than_the_tolerance(name: str, fidelity: 
 
 @pytest.mark.parametrize("colors", COLORS)
 @pytest.mark.parametrize("name", SHAPES)
+def test_black_that_turns_white_is_followed_at_any_fidelity(name: str, colors: int) -> None:
+    cells = Cells(name, colors)
+    cells.fidelity = 0.0
+    white = np.full_like(a_frame(cells), 255)
+    screen = show(sent(cells, 0 * white), COLUMNS, ROWS)
+    pyte.ByteStream(screen).feed(b"\x1b[H" + sent(cells, white))
+    assert shown(screen, cells).min() >= 229
+
+
+@pytest.mark.parametrize("colors", COLORS)
+@pytest.mark.parametrize("name", SHAPES)
 def test_the_picture_becomes_exact_once_the_fidelity_is_1_again(name: str, colors: int) -> None:
     cells = Cells(name, colors)
     screen = pyte.Screen(COLUMNS, ROWS)

@@ -158,6 +158,13 @@ def test_without_colours_more_pixels_are_lit_the_brighter_it_is(name: str) -> No
     assert np.allclose(shares[2:5], [60 / 255, 128 / 255, 200 / 255], atol=0.02)
 
 
+@pytest.mark.parametrize("name", ["octant", "sextant", "quadrant", "half", "braille"])
+def test_without_colours_black_stays_black_and_white_white_pixel_by_pixel(name: str) -> None:
+    cells = Cells(name, 0)
+    frame = a_frame(cells, "noise")[..., :1].repeat(3, axis=2) // 128 * np.uint8(255)
+    assert np.array_equal(drawn(cells, frame), frame)
+
+
 @pytest.mark.parametrize("colors", COLORS)
 def test_ascii_is_as_bright_as_the_picture(colors: int) -> None:
     cells = Cells("ascii", colors)
