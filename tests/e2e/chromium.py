@@ -45,8 +45,7 @@ class Chromium:
             self._process = subprocess.Popen(
                 ["bash", "-c", START, str(commands), str(answers), "chromium", "--headless=new", "--no-sandbox",
                  "--remote-debugging-pipe", f"--user-data-dir={folder}", f"--window-size={WIDTH},{HEIGHT}",
-                 "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
-                 "--allow-file-access-from-files", "--hide-scrollbars", "about:blank"],
+                 "--disable-gpu", "--hide-scrollbars", "about:blank"],
                 env={**os.environ, "HOME": str(folder)}, stdout=log, stderr=log, pass_fds=[commands, answers],
             )  # fmt: skip
         os.close(commands)

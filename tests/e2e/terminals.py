@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from tests.e2e.display import HEIGHT, WIDTH, Display, U8
+from tests.e2e.display import HEIGHT, U8, WIDTH, Display
 
 TMUX_CONFIGURATION = Path(__file__).with_name("tmux.conf")
 

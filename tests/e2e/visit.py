@@ -9,7 +9,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -90,7 +90,7 @@ class Visit:
     def __init__(self, case: Case, scene: Path, gaussians: Gaussians, folder: Path) -> None:
         self.case, self._folder = case, folder
         self._painter = Painter(SceneVariants(gaussians))
-        self._painter.warm_up(replace(_start(gaussians, TerminalSize(80, 24, 10, 20), case.output)))
+        self._painter.warm_up(_start(gaussians, TerminalSize(80, 24, 10, 20), case.output))
         home = folder / "home"
         home.mkdir(mode=0o700)
         program = [sys.executable, str(Path(__file__).with_name("inside.py")), str(folder)]
@@ -170,16 +170,17 @@ class Visit:
 
     def at_rest(self) -> U8:
         """Return the screen once it does not change any more."""
-        seen = [self.terminal.screen(), time.monotonic()]
+        last, since = self.terminal.screen(), time.monotonic()
 
         def rests() -> bool:
+            nonlocal last, since
             screen = self.terminal.screen()
-            if not np.array_equal(screen, seen[0]):
-                seen[:] = screen, time.monotonic()
-            return time.monotonic() - seen[1] > REST
+            if not np.array_equal(screen, last):
+                last, since = screen, time.monotonic()
+            return time.monotonic() - since > REST
 
         self.until(rests, "rest")
-        return self.terminal.screen()
+        return last
 
     def until(self, met: Callable[[], bool], what: str, instead: Callable[[], str] = str) -> None:
         """Wait until something is so; else fail, with a picture of the screen beside the test's files."""
@@ -211,17 +212,17 @@ def _start(gaussians: Gaussians, size: TerminalSize, output: str) -> ViewerState
 
 
 def compared(screen: U8, frame: U8, size: TerminalSize) -> tuple[U8, U8]:
-    """Return what of a screen and of a frame must be the same: the rows between the badge and the message.
+    """Return what of a screen and of a frame must be the same: all but two rows of cells at the top and bottom.
 
-    A frame of half blocks is looked for in the middle of each half of a cell; at its edges, letters may be
-    smoothed.
+    There are the badge and the message, whose letters reach into the next row. A frame of half blocks is
+    looked for in the middle of each half of a cell; at its edges, letters may be smoothed.
     """
     across, down = size.cell_size
     if frame.shape[1] == size.columns:
         rows = ((2 * np.arange(len(frame)) + 1) * down) // 4
         columns = ((2 * np.arange(size.columns) + 1) * across) // 2
-        return screen[np.ix_(rows[2:-2], columns)], frame[2:-2]
-    inner = np.s_[down : len(frame) - down, : frame.shape[1]]
+        return screen[np.ix_(rows[4:-4], columns)], frame[4:-4]
+    inner = np.s_[2 * down : len(frame) - 2 * down, : frame.shape[1]]
     return screen[inner], frame[inner]
 
 

@@ -64,7 +64,12 @@ class XtermJs:
         name, number = KEYS.get(key, (key, ord(key[0].upper())))
         text = {} if key in KEYS else {"text": key}
         self._browser.call(
-            "Input.dispatchKeyEvent", type="keyDown", key=name, code=_code(key), windowsVirtualKeyCode=number, **text
+            "Input.dispatchKeyEvent",
+            type="keyDown",
+            key=name,
+            code=_code(key),
+            windowsVirtualKeyCode=number,
+            **text,
         )
 
     def let_go(self, key: str) -> None:
