@@ -16,8 +16,6 @@ from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
-from tests.e2e.display import HEIGHT, WIDTH
-
 PATIENCE = 60.0
 START = 'exec 3<&"$0" 4>&"$1"; shift; exec "$@"'
 """The browser reads commands from file 3 and answers in file 4. Only bash copies files with numbers above 9."""
@@ -32,11 +30,15 @@ class Chromium:
         Its home.
     page : Path
         The HTML to open.
+    size : tuple of 2 ints
+        Width and height of the page in pixels.
     bindings : dict of str to callable
         Functions that the page may call with one string; they run on the thread that reads.
     """
 
-    def __init__(self, folder: Path, page: Path, bindings: dict[str, Callable[[str], None]]) -> None:
+    def __init__(
+        self, folder: Path, page: Path, size: tuple[int, int], bindings: dict[str, Callable[[str], None]]
+    ) -> None:
         self._bindings, self._waiting = bindings, dict[int, Future[dict[str, Any]]]()
         self._numbers, self._session = itertools.count(1), ""
         commands, self._to_browser = map(_out_of_the_way, os.pipe())
@@ -44,7 +46,7 @@ class Chromium:
         with (folder / "log").open("w") as log:
             self._process = subprocess.Popen(
                 ["bash", "-c", START, str(commands), str(answers), "chromium", "--headless=new", "--no-sandbox",
-                 "--remote-debugging-pipe", f"--user-data-dir={folder}", f"--window-size={WIDTH},{HEIGHT}",
+                 "--remote-debugging-pipe", f"--user-data-dir={folder}",
                  "--disable-gpu", "--hide-scrollbars", "about:blank"],
                 env={**os.environ, "HOME": str(folder)}, stdout=log, stderr=log, pass_fds=[commands, answers],
             )  # fmt: skip
@@ -52,15 +54,15 @@ class Chromium:
         os.close(answers)
         self._reader = threading.Thread(target=self._read)
         self._reader.start()
-        self._open(page)
+        self._open(page, *size)
 
-    def _open(self, page: Path) -> None:
+    def _open(self, page: Path, width: int, height: int) -> None:
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
         self._session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         self.call("Page.enable")
         self.call("Runtime.enable")
-        size = {"width": WIDTH, "height": HEIGHT, "deviceScaleFactor": 1, "mobile": False}
-        self.call("Emulation.setDeviceMetricsOverride", **size)
+        screen = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+        self.call("Emulation.setDeviceMetricsOverride", **screen)
         self.call("Emulation.setFocusEmulationEnabled", enabled=True)
         for name in self._bindings:
             self.call("Runtime.addBinding", name=name)

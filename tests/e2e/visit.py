@@ -29,8 +29,8 @@ from tsplat.viewer.update import update
 PATIENCE = 40.0
 """Seconds until a screen that does not come is given up."""
 
-REST = 0.3
-"""Seconds without a change after which a screen is taken to rest; a slow frame takes a tenth of it."""
+REST = 0.6
+"""Seconds without a change after which a screen is taken to rest; a slow frame takes a sixth of it."""
 
 TAPS = 4
 """How often a key is tapped again."""

@@ -19,8 +19,9 @@ from PIL import Image
 from tests.e2e.chromium import Chromium
 from tests.e2e.display import U8
 
-COLUMNS, ROWS = 100, 30
-SMALLER = 70, 20
+COLUMNS, ROWS = 80, 24  # as page.html has them
+PAGE = 720, 432
+SMALLER = 60, 20
 HERE = Path(__file__).parent
 
 KEYS = {"Left": ("ArrowLeft", 37), "Right": ("ArrowRight", 39)}
@@ -44,7 +45,7 @@ class XtermJs:
         terminal = {**environment, "HOME": str(folder), "TERM": "xterm-256color", "COLORTERM": "truecolor"}
         typed = {"typed": lambda text: self._type(text.encode()),
                  "typedBytes": lambda text: self._type(text.encode("latin-1"))}  # fmt: skip
-        self._browser = Chromium(folder, installed(), typed)
+        self._browser = Chromium(folder, installed(), PAGE, typed)
         self._pty = ptyprocess.PtyProcess.spawn(list(program), dimensions=(ROWS, COLUMNS), env=terminal)
         self._pump = threading.Thread(target=self._show)
         self._pump.start()
