@@ -24,7 +24,7 @@ from tsplat.terminal import Session, TerminalSize
 PATIENCE = 60.0
 """Seconds until the tests must have given the word, so that a killed run leaves nobody waiting."""
 
-SAID_BEFORE = "\x1b[H\x1b[2Jtotal 3\r\ncloud.ply  garden.ply  notes.txt\r\n$ tsplat\r\n"
+SAID_BEFORE = "\x1b[?25h\x1b[H\x1b[2Jtotal 3\r\ncloud.ply  garden.ply  notes.txt\r\n$ tsplat\r\n"
 
 
 def main(folder: Path, command: list[str]) -> None:

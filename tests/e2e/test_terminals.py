@@ -16,14 +16,14 @@ pytestmark = pytest.mark.e2e
 KITTY = Case("kitty", "kitty", math.inf)
 CASES = [
     KITTY,
-    Case("xterm", "sixel", 28.0),
-    Case("mlterm", "sixel", 28.0),
-    Case("foot", "sixel", 28.0),
+    Case("xterm", "sixel", 33.0),
+    Case("mlterm", "sixel", 33.0),
+    Case("foot", "sixel", 33.0),
     Case("foot", "half", math.inf),
     Case("alacritty", "half", math.inf),
     Case("tmux", "half", math.inf),
     Case("xterm.js", "kitty", math.inf),
-    Case("xterm.js", "sixel", 28.0),
+    Case("xterm.js", "sixel", 33.0),
 ]
 ONCE_EACH = list({case.terminal: case for case in reversed(CASES)}.values())
 
