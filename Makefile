@@ -14,7 +14,8 @@ demo: $(VENV)/installed
 test: install-dev
 	scripts/system_packages.sh
 	$(MAKE) --no-print-directory check
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -m 'not e2e'
+	$(BIN)/python -m pytest -m e2e --durations 5
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest $(KERNEL_TESTS)
 	NUMBA_BOUNDSCHECK=1 $(BIN)/python -m pytest $(KERNEL_TESTS) tests/encode
 

@@ -1,0 +1,45 @@
+"""Terminals for the tests, one at a time, or the reason why there is none."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.e2e.terminals import RECIPES
+from tests.e2e.visit import Case, Visit
+from tsplat.arguments import DEMO, scene_path
+from tsplat.io import load
+from tsplat.scene import Gaussians
+
+
+@pytest.fixture(scope="session")
+def demo() -> tuple[Path, Gaussians]:
+    """The scene that everybody has."""
+    path = scene_path(DEMO)
+    return Path(path), load(path)
+
+
+@pytest.fixture
+def visit(
+    compiled: None,  # noqa: ARG001
+    demo: tuple[Path, Gaussians],
+    tmp_path: Path,
+) -> Iterator[Callable[[Case], Visit]]:
+    """Open a terminal with the viewer ready to begin; it is closed after the test."""
+    opened: list[Visit] = []
+
+    def open_it(case: Case) -> Visit:
+        if missing := RECIPES[case.terminal].missing():
+            reason = f"{case.terminal} needs: apt-get install {' '.join(missing)}"
+            if os.environ.get("CI") == "true":
+                pytest.fail(reason)
+            pytest.skip(reason)
+        opened.append(Visit(case, *demo, tmp_path))
+        return opened[-1]
+
+    yield open_it
+    for each in opened:
+        each.terminal.close()
