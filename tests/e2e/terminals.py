@@ -32,6 +32,10 @@ exec env WAYLAND_DISPLAY=wayland-0 foot -c /dev/null -o pad=0x0 "$@"
 """, "foot")  # fmt: skip
 
 
+class NotInstallableError(Exception):
+    """A terminal that comes from a package registry did not come."""
+
+
 class Terminal(Protocol):
     """A terminal with a program in it, seen and used from outside."""
 
@@ -152,8 +156,12 @@ def windowed(*command: str, zooms: bool = False) -> Callable[[Path, Sequence[str
 
 def browser(folder: Path, program: Sequence[str], environment: dict[str, str]) -> Terminal:
     """Start a program in xterm.js."""
-    from tests.e2e.xtermjs import XtermJs
+    from tests.e2e.xtermjs import XtermJs, installed
 
+    try:
+        installed()
+    except subprocess.CalledProcessError as error:
+        raise NotInstallableError(f"xterm.js needs its packages: {error}") from error
     return XtermJs(folder, program, environment)
 
 
