@@ -18,10 +18,13 @@ CASES = [
     KITTY,
     Case("xterm", "sixel", 33.0),
     Case("mlterm", "sixel", 33.0),
+    Case("mlterm", "iterm2", 38.0),
     Case("foot", "sixel", 33.0),
     Case("foot", "half", math.inf),
+    Case("foot", "sextant", 33.0),
     Case("alacritty", "half", math.inf),
     Case("tmux", "half", math.inf),
+    Case("tmux", "quadrant", 33.0),
     Case("xterm.js", "kitty", math.inf),
     Case("xterm.js", "sixel", 33.0),
 ]

@@ -222,6 +222,12 @@ def compared(screen: U8, frame: U8, size: TerminalSize) -> tuple[U8, U8]:
         rows = ((2 * np.arange(len(frame)) + 1) * down) // 4
         columns = ((2 * np.arange(size.columns) + 1) * across) // 2
         return screen[np.ix_(rows[4:-4], columns)], frame[4:-4]
+    if len(frame) < size.rows * down // 2:
+        # Other shapes of cells have two colours for several pixels: the mean over each of these is compared.
+        grid = Image.fromarray(screen[: size.rows * down, : size.columns * across])
+        shown = np.asarray(grid.resize(frame.shape[1::-1], Image.Resampling.BOX))
+        edge = 2 * len(frame) // size.rows
+        return shown[edge:-edge], frame[edge:-edge]
     inner = np.s_[2 * down : len(frame) - 2 * down, : frame.shape[1]]
     return screen[inner], frame[inner]
 

@@ -196,7 +196,7 @@ CASES = [
         {"TERM": "xterm-256color"},
         version("xterm.js(6.1.0)") + CELL + MODES + KEYBOARD + OK + da1("62;4;9;22"),
         named("xterm.js", "6.1.0", MODERN, kitty_graphics=True, sixel=True),
-        ("kitty", "sixel", "sextant", *EVERYWHERE),
+        ("sixel", "kitty", "sextant", *EVERYWHERE),
     ),
     Case(
         "iTerm2, which claims the kitty protocol",

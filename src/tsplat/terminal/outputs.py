@@ -22,6 +22,10 @@ _SEXTANTS: dict[str, tuple[int, ...]] = {"foot": (), "xterm.js": (), "contour": 
 """Terminals that draw these characters themselves, and since when: few fonts have them."""
 
 
+_BETTER_WITH_SIXEL = ("mlterm", "xterm.js")
+"""mlterm announces nothing else itself; xterm.js hides kitty pictures below its text where it draws with WebGL."""
+
+
 @dataclass(frozen=True, slots=True)
 class Offer:
     """Whether an encoder is offered, and why, in a few words."""
@@ -36,8 +40,8 @@ def offers(profile: Profile) -> tuple[Offer, ...]:
     order: tuple[str, ...] = OUTPUTS
     if profile.colors == 0:
         order = (*PICTURES, *_FINE_WITHOUT_COLOR)
-    elif profile.program.lower() == "mlterm":
-        order = ("kitty", "sixel", "iterm2", *OUTPUTS[3:])  # sixel is what it announces itself
+    elif profile.program.lower() in _BETTER_WITH_SIXEL:
+        order = ("sixel", "kitty", "iterm2", *OUTPUTS[3:])
     return tuple(Offer(name, *_judged(name, profile)) for name in order)
 
 

@@ -209,7 +209,10 @@ class Session:
         with contextlib.suppress(TerminalError):  # it may be gone, which may be why we are here
             if self._writing and not self._ready(FAREWELL_SECONDS, writing=True):
                 self._device.drop_output()
-            self._send(UNFINISHED * self._writing + turn_off(self.profile), FAREWELL_SECONDS)
+            # Until the terminal has heard that it should not, it reports that the last key came up.
+            farewell = turn_off(self.profile) + self.question * self.profile.kitty_keyboard
+            self._unanswered += self.profile.kitty_keyboard
+            self._send(UNFINISHED * self._writing + farewell, FAREWELL_SECONDS)
             self._hear_out()
         self._device.restore()
 

@@ -15,6 +15,7 @@ from tsplat.encode import FALLBACK_CELL, EncodedFrame, Encoder, encoder
 from tsplat.encode.pieces import pieces
 from tsplat.rendering import Rendering
 from tsplat.terminal.keys import TerminalSize
+from tsplat.terminal.pacing import LADDER
 from tsplat.terminal.probe import TRUECOLOR, Profile
 from tsplat.viewer.scenes import SceneVariants
 from tsplat.viewer.spans import Span, covered, painted, shaded
@@ -27,6 +28,8 @@ U8 = npt.NDArray[np.uint8]
 HOME = b"\x1b[H"
 
 TRUE_COLORS = Profile(colors=TRUECOLOR)
+
+LEAST_FIDELITY = min(quality.fidelity for quality in LADDER)
 
 LUMA = np.array([0.2126, 0.7152, 0.0722], np.float32)
 """How bright each primary looks, ITU-R BT.709."""
@@ -67,7 +70,9 @@ class Painter:
         """Make the kernels ready that drawing and encoding this state needs; may run on any thread."""
         chosen = self.new_encoder(state)  # not the one that remembers what is on screen
         draw_tiny(replace(state.options, depths=False))
-        chosen.encode(np.zeros((SIDE, SIDE, 3), np.uint8), 4, 2, FALLBACK_CELL)
+        for chosen.fidelity in (1.0, LEAST_FIDELITY):  # what is left out takes kernels of its own
+            chosen.encode(np.zeros((SIDE, SIDE, 3), np.uint8), 4, 2, FALLBACK_CELL)
+        chosen.clear()
 
     def draw(self, state: ViewerState, density: float = 1.0) -> Drawn:
         """Render a frame of the size that the output needs, or a share of it along either side."""
