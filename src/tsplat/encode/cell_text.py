@@ -20,7 +20,7 @@ NONE = 0xFFFFFFFF
 that a cell shows, 8 bits each, below the number of the colour in its palette."""
 
 UNKNOWN = -1
-"""Stands for the colours set, or for a glyph on screen, that nobody knows."""
+"""Stands for a glyph on screen that nobody knows."""
 
 BYTES_PER_CELL, BYTES_PER_ROW = 48, 32
 """Most bytes that one cell, with a move before it, and the way to a row need."""
@@ -58,18 +58,17 @@ def font(shape: Shape, number: int) -> Font:
     glyphs = [glyph.encode() for glyph in shape.glyphs]
     text = np.frombuffer(b"".join(glyph.ljust(4, b"\0") for glyph in glyphs), np.uint8).reshape(-1, 4)
     uses = [2 if glyph == " " else 1 if glyph == FULL_BLOCK else 3 for glyph in shape.glyphs]
-    # With no colours, a pattern and its opposite are not the same.
     return Font(
         text.copy(),
         np.array([len(glyph) for glyph in glyphs], np.uint8),
         np.array(uses, np.uint8),
-        shape.invertible and number > 0,
+        shape.invertible,
         number,
     )
 
 
 @kernel
-def write(glyphs, colors, shown, shown_colors, font, slack, start, text):
+def write(glyphs, colors, shown, shown_colors, font, slack, text):
     """Write the cells that differ from those on screen, and note what is there then.
 
     Parameters
@@ -81,8 +80,6 @@ def write(glyphs, colors, shown, shown_colors, font, slack, start, text):
     font : Font
     slack : int
         Squared distance in RGB up to which a colour that is set does for another.
-    start : int
-        Code of the colours set at the start of each row, or `UNKNOWN`.
     text : ndarray of uint8
 
     Returns
@@ -93,7 +90,8 @@ def write(glyphs, colors, shown, shown_colors, font, slack, start, text):
     rows, columns = glyphs.shape
     end = saved = 0  # the row of the cursor's column to come back to
     for row in range(rows):
-        fore = back = start
+        # What is set after a move is not known, and no colour wanted is NONE.
+        fore = back = NONE
         at = 0
         for column in range(columns):
             if (

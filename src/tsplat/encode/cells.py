@@ -80,7 +80,6 @@ class Cells:
             self._shown,
             self._shown_colors,
             slack=slack,
-            start=NONE if self.colors == 0 else UNKNOWN,
             around=(_RESET + b"\x1b7", b"\x1b8" + _RESET),
         )
         return EncodedFrame(b"", draw)
@@ -111,9 +110,7 @@ class Cells:
         shown_colors = np.zeros((rows, columns, 2), np.uint32)
         end = b"\n" if self.colors == 0 else _RESET + b"\n"
         return [
-            self._write(
-                glyphs[at], colors[at], unknown[at], shown_colors[at], slack=0, start=NONE, around=(b"", end)
-            )
+            self._write(glyphs[at], colors[at], unknown[at], shown_colors[at], slack=0, around=(b"", end))
             for at in (slice(row, row + 1) for row in range(rows))
         ]
 
@@ -171,7 +168,6 @@ class Cells:
         shown_colors: U32,
         *,
         slack: int,
-        start: int,
         around: tuple[bytes, bytes],
     ) -> bytes:
         """Return the cells that changed, with something before and behind them if there are any."""
@@ -182,9 +178,7 @@ class Cells:
             # Kept, for it takes longer to get from the system than to fill.
             self._text = np.empty(room, np.uint8)
         self._text[: len(before)] = before
-        end = cell_text.write(
-            glyphs, colors, shown, shown_colors, self._font, slack, start, self._text[len(before) :]
-        )
+        end = cell_text.write(glyphs, colors, shown, shown_colors, self._font, slack, self._text[len(before) :])
         if end == 0:
             return b""
         end += len(before)
