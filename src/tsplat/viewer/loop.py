@@ -175,6 +175,8 @@ class Viewer:
         """Take over what the terminal answered only now."""
         profile = self.session.profile
         if profile is not self.painter.profile:
+            self.clear()
+            self.painter.encoder = None  # it was made for the terminal as it was thought to be
             self.painter.profile, known = profile, outputs(profile)
             known = known if self.state.output in known else (self.state.output, *known)
             self.state = replace(self.state, outputs=known, releases=profile.kitty_keyboard)
