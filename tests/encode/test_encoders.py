@@ -12,7 +12,7 @@ from tsplat.errors import OptionError
 TEXT = ("octant", "sextant", "quadrant", "half", "half256", "braille", "ascii")
 
 
-@pytest.mark.parametrize("name", ["kitty", "sixel", *TEXT])
+@pytest.mark.parametrize("name", ["kitty", "iterm2", "sixel", *TEXT])
 def test_every_encoder_answers_to_its_name_and_draws(name: str) -> None:
     chosen = encoder(name)
     assert chosen.name == name
