@@ -163,20 +163,30 @@ def test_below_full_fidelity_nothing_is_dithered() -> None:
 
 
 @given(st.integers(1, 400), st.integers(1, 100), st.integers(1, 1000), st.integers(6, 1000))
-def test_no_picture_and_none_of_its_bands_is_larger_than_the_terminal_takes(
+def test_the_pictures_of_a_frame_cover_it_once_and_none_is_larger_than_the_terminal_takes(
     columns: int, rows: int, most_width: int, most_height: int
 ) -> None:
-    width, height = Sixel(max_size=(most_width, most_height)).size(columns, rows, (10, 20))
-    assert 1 <= width <= most_width
-    assert 1 <= -(-height // 6) * 6 <= most_height or height == rows * 20
+    covered = np.zeros((rows, columns), int)
+    for tile in Sixel(max_size=(most_width, most_height)).tiles(columns, rows, (10, 20)):
+        covered[tile.row : tile.row + tile.rows, tile.column : tile.column + tile.columns] += 1
+        assert tile.columns * 10 <= most_width or tile.columns == 1
+        assert -(-tile.rows * 20 // 6) * 6 <= most_height or tile.rows == 1
+    assert (covered == 1).all()
 
 
-def test_a_picture_beyond_the_largest_size_is_drawn_whole_and_keeps_its_shape() -> None:
+def test_a_picture_beyond_the_largest_size_is_drawn_as_several_that_lie_where_they_belong() -> None:
     frame = gradient(200, 120)
-    stream = Sixel(max_size=(100, 1000)).encode(frame, 20, 6, (10, 20)).draw
-    assert re.search(rb'"1;1;100;60[#\d]', stream)
-    shrunk = np.asarray(Image.fromarray(frame).resize((100, 60), Image.Resampling.BOX))
-    assert psnr(decode(stream)[:60], shrunk) > 30
+    stream = Sixel(max_size=(100, 90)).encode(frame, 20, 6, (10, 20)).draw
+    parts = re.findall(rb"(?:\x1b\[(\d+)B)?(?:\x1b\[(\d+)C)?(\x1bP.*?\x1b\\)", stream, re.DOTALL)
+    canvas = np.zeros((120, 200, 3), np.uint8)
+    for down, right, picture in parts:
+        width, height = map(int, re.search(rb'"1;1;(\d+);(\d+)', picture).groups())
+        assert width <= 100
+        assert -(-height // 6) * 6 <= 90
+        top, left = 20 * int(down or 0), 10 * int(right or 0)
+        canvas[top : top + height, left : left + width] = decode(picture)[:height]
+    assert len(parts) == 4
+    assert psnr(canvas, frame) > 30
 
 
 def test_a_picture_within_the_largest_size_is_drawn_as_ever() -> None:

@@ -86,8 +86,8 @@ CASES = [
     Case(
         "xterm 379 -ti vt340",
         {"TERM": "xterm"},
-        version("XTerm(379)") + mode(2026, 0) + mode(1016, 2) + da1("63;1;2;4;6;9;15;22"),
-        named("XTerm", "379", sixel=True, pixel_mouse=True),
+        version("XTerm(379)") + mode(2026, 0) + mode(1016, 2) + b"\x1b[?2;0;1000;900S" + da1("63;1;2;4;6;9;15;22"),
+        named("XTerm", "379", sixel=True, pixel_mouse=True, sixel_size=(1000, 900)),
         ("sixel", *EVERYWHERE),
     ),
     Case(

@@ -19,7 +19,14 @@ PICTURES = ENCODERS[:3]
 """Those that are no text."""
 
 
-def encoder(name: str, colors: int = 1 << 24, transport: str = "direct", *, tmux: bool = False) -> Encoder:
+def encoder(
+    name: str,
+    colors: int = 1 << 24,
+    transport: str = "direct",
+    *,
+    tmux: bool = False,
+    sixel_size: tuple[int, int] | None = None,
+) -> Encoder:
     """Return a new encoder.
 
     Parameters
@@ -33,6 +40,8 @@ def encoder(name: str, colors: int = 1 << 24, transport: str = "direct", *, tmux
         How kitty graphics reach a terminal; only "direct" leaves this machine.
     tmux : bool
         Whether kitty graphics have to pass through tmux.
+    sixel_size : tuple of 2 ints, optional
+        Most pixels across and down of one sixel picture.
 
     Raises
     ------
@@ -52,7 +61,7 @@ def encoder(name: str, colors: int = 1 << 24, transport: str = "direct", *, tmux
     if name == "sixel":
         from tsplat.encode.sixel import Sixel  # Numba, half a second
 
-        return Sixel()
+        return Sixel(max_size=sixel_size)
     from tsplat.encode.cells import Cells  # Numba as well
 
     return Cells(name, colors)

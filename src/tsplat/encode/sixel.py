@@ -41,6 +41,20 @@ _QUALITIES = (
 """Best first. Each takes about three quarters of the bytes of the one before it."""
 
 
+class Tile(NamedTuple):
+    """A part of a frame that is one picture, in text cells."""
+
+    column: int
+    row: int
+    columns: int
+    rows: int
+
+    def within(self, pixels: U8, width: int, height: int) -> U8:
+        """Return the pixels of this part, where a cell has ``width`` x ``height`` of them."""
+        top, left = self.row * height, self.column * width
+        return pixels[top : top + self.rows * height, left : left + self.columns * width]
+
+
 class Sixel:
     """Encode frames in sixel, with up to 256 colours of their own.
 
@@ -52,9 +66,8 @@ class Sixel:
         Mix colours in a pattern where the palette has none that is near: no bands of colour, up to half as many
         bytes again. Below full fidelity there is none: it would shimmer, and break the runs.
     max_size : tuple of 2 ints, optional
-        Most pixels across and down that the terminal takes, such as xterm's 1000 x 1000. No terminal stretches
-        sixels, so a larger picture is drawn whole and smaller: it keeps its shape, stays at the top left and
-        leaves cells on the right and below as they are.
+        Most pixels across and down that the terminal takes in one picture, such as xterm's 1000 x 1000. What is
+        larger is drawn as several, side by side and one below the other, each of whole cells.
 
     Raises
     ------
@@ -77,30 +90,36 @@ class Sixel:
         """Return the size of the cell."""
         return (cell_width, cell_height) if cell_width and cell_height else FALLBACK_CELL
 
-    def size(self, columns: int, rows: int, cell_size: tuple[int, int]) -> tuple[int, int]:
-        """Return the width and height in pixels of the picture that `encode` draws over these cells."""
-        cell_width, cell_height = self.pixels_per_cell(*cell_size)
-        width, height = columns * cell_width, rows * cell_height
+    def tiles(self, columns: int, rows: int, cell_size: tuple[int, int]) -> list[Tile]:
+        """Return the pictures that `encode` draws over these cells; none is larger than the terminal takes."""
+        width, height = self.pixels_per_cell(*cell_size)
         if self._max_size is None:
-            return width, height
+            return [Tile(0, 0, columns, rows)]
         # The last band is sent whole, and some terminals count its empty rows.
-        most_width, most_height = self._max_size[0], self._max_size[1] // 6 * 6
-        scale = min(1.0, most_width / width, most_height / height)
-        return max(1, int(width * scale)), max(1, int(height * scale))
+        across = max(1, self._max_size[0] // width)
+        down = max(1, self._max_size[1] // 6 * 6 // height)
+        return [
+            Tile(column, row, min(across, columns - column), min(down, rows - row))
+            for row in range(0, rows, down)
+            for column in range(0, columns, across)
+        ]
 
     def encode(self, frame: U8, columns: int, rows: int, cell_size: tuple[int, int]) -> EncodedFrame:
         """Draw a frame over text cells; see `Encoder.encode`."""
         check(frame, columns, rows)
-        width, height = self.size(columns, rows, cell_size)
-        picture = np.ascontiguousarray(resample(frame, width, height))
+        width, height = self.pixels_per_cell(*cell_size)
+        picture = np.ascontiguousarray(resample(frame, columns * width, rows * height))
         quality = next(quality for quality in _QUALITIES if self.fidelity >= quality.least_fidelity)
         palette = self._palettes.setdefault(quality.colors, AdaptivePalette(quality.colors))
         palette.fit(picture)
         dither = self._dither and quality is _QUALITIES[0]
         indices = palette.indices(picture, tolerance=quality.tolerance, dither=dither)
-        # Raster attributes: square pixels, width, height. The cursor returns to where it was.
-        start = b'\x1b7\x1bP0;1q"1;1;%d;%d' % (width, height)
-        return EncodedFrame(b"", start + palette.registers + _bands(indices) + b"\x1b\\\x1b8")
+        drawn = b"\x1b8".join(
+            _moved(tile) + _picture(tile.within(indices, width, height), palette.registers)
+            for tile in self.tiles(columns, rows, cell_size)
+        )
+        # The cursor returns to where it was.
+        return EncodedFrame(b"", b"\x1b7" + drawn + b"\x1b8")
 
     def forget(self, cells: npt.NDArray[np.bool_] | None) -> None:
         """Do nothing: every frame is drawn whole."""
@@ -112,6 +131,19 @@ class Sixel:
     def clear(self) -> bytes:
         """Return nothing: text written over the picture replaces it."""
         return b""
+
+
+def _moved(tile: Tile) -> bytes:
+    """Return what moves the cursor to a tile, from where the first one is."""
+    down = b"\x1b[%dB" % tile.row if tile.row else b""
+    return down + (b"\x1b[%dC" % tile.column if tile.column else b"")
+
+
+def _picture(indices: U8, registers: bytes) -> bytes:
+    # Raster attributes: square pixels, width, height.
+    height, width = indices.shape
+    start = b'\x1bP0;1q"1;1;%d;%d' % (width, height)
+    return start + registers + _bands(np.ascontiguousarray(indices)) + b"\x1b\\"
 
 
 def _bands(indices: U8) -> bytes:

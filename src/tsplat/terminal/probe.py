@@ -46,6 +46,8 @@ class Profile:
         16777216 for 24-bit colour, 256, 16, or 0 where a person wants none (NO_COLOR).
     kitty_graphics, iterm2_pictures, sixel : bool
         Pictures it draws, and draws right.
+    sixel_size : tuple of 2 ints, or None
+        Most pixels across and down of a sixel picture, from XTSMGRAPHICS.
     kitty_transports : tuple of {"shared", "file", "direct"}
         Ways to hand it a kitty picture, best first: those that were tried with success, and "direct".
     synchronized : bool
@@ -72,6 +74,7 @@ class Profile:
     kitty_graphics: bool = False
     iterm2_pictures: bool = False
     sixel: bool = False
+    sixel_size: tuple[int, int] | None = None
     kitty_transports: tuple[str, ...] = ("direct",)
     synchronized: bool = False
     kitty_keyboard: bool = False
@@ -118,6 +121,7 @@ def detect(environment: Mapping[str, str], replies: bytes, tmux: str = "") -> Pr
         kitty_graphics=graphics or (between == "tmux" and passes_pictures(tmux)),
         iterm2_pictures=not between and known.startswith(_ITERM2_PICTURES),
         sixel="4" in answers.get("DA1", "").split(";")[1:],
+        sixel_size=_pair(answers.get("sixel size"), width_first=True),
         kitty_transports=(*tried, "direct"),
         synchronized=_has_mode(answers, 2026),
         kitty_keyboard="kitty keyboard" in answers,
@@ -171,7 +175,9 @@ def _has_mode(answers: Mapping[str, str], mode: int) -> bool:
     return answers.get(f"mode {mode}") in ("1", "2")  # set or reset; 0 is not known, 4 never set
 
 
-def _pair(reply: str | None) -> tuple[int, int] | None:
-    """Return width and height from "height;width", None unless both are positive."""
+def _pair(reply: str | None, *, width_first: bool = False) -> tuple[int, int] | None:
+    """Return width and height from "height;width", or the other way round, None unless both are positive."""
     height, width = map(int, (reply or "0;0").split(";"))
+    if width_first:
+        width, height = height, width
     return (width, height) if width > 0 and height > 0 else None

@@ -49,6 +49,7 @@ _COMMON = (
     _mode(2026),
     _mode(1016),
     _mode(2048),
+    Question("sixel size", b"\x1b[?2;4;0S", re.compile(rb"\x1b\[\?2;0;(\d+;\d+)S")),
     Question("kitty keyboard", b"\x1b[?u", re.compile(rb"\x1b\[\?(\d+)u")),
 )
 TRANSPORTS = {"shared": 32, "file": 33}

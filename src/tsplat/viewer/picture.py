@@ -139,7 +139,11 @@ class Painter:
         """Return an encoder of the state's output for this terminal."""
         profile = self.profile
         return encoder(
-            state.output, profile.colors, profile.kitty_transports[0], tmux=profile.multiplexer == "tmux"
+            state.output,
+            profile.colors,
+            profile.kitty_transports[0],
+            tmux=profile.multiplexer == "tmux",
+            sixel_size=profile.sixel_size,
         )
 
     def render(self, state: ViewerState, width: int, height: int) -> Rendering:
