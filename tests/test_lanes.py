@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from tsplat import _lanes as lanes
+from tsplat import _moves as moves
 from tsplat._jit import kernel
 from tsplat.raster.buffers import aligned
 
@@ -29,7 +30,7 @@ def _arithmetic(x, y, out):  # type: ignore[no-untyped-def]
     lanes.store(out, 64, lanes.minus_abs(a))
     lanes.store(out, 72, a / lanes.splat(np.float32(4.0)))
     lanes.store(out, 80, lanes.sqrt(a * a))
-    lanes.prefetch(x, 0)
+    moves.prefetch(x, 0)
 
 
 @kernel
@@ -40,16 +41,16 @@ def _power(x, out):  # type: ignore[no-untyped-def]
 
 @kernel
 def _move(x, halves, rows, pixels, transposed):  # type: ignore[no-untyped-def]
-    lanes.store_half(halves, 0, lanes.load(x, 0))
-    lanes.store(x, 64, lanes.load_half(halves, 0))
-    lanes.store_rows(rows, 1, 9, lanes.load(x, 0))
-    lanes.store_rows_rgb(pixels, 0, 12, lanes.load(x, 0), lanes.load(x, 8), lanes.load(x, 16))
-    lanes.store_transposed(transposed, 0, 10, x, 0, 8)
+    moves.store_half(halves, 0, lanes.load(x, 0))
+    lanes.store(x, 64, moves.load_half(halves, 0))
+    moves.store_rows(rows, 1, 9, lanes.load(x, 0))
+    moves.store_rows_rgb(pixels, 0, 12, lanes.load(x, 0), lanes.load(x, 8), lanes.load(x, 16))
+    moves.store_transposed(transposed, 0, 10, x, 0, 8)
 
 
 @kernel
 def _bypass(x, out):  # type: ignore[no-untyped-def]
-    lanes.store_past_caches(out, 8, lanes.load(x, 3))
+    moves.store_past_caches(out, 8, lanes.load(x, 3))
 
 
 @given(x=eight, y=eight)

@@ -23,7 +23,6 @@ from tsplat._jit import JIT, device
 LANES = 8
 _FLOAT, _INT = ir.FloatType(), ir.IntType(32)
 _VECTOR, _INT_VECTOR = ir.VectorType(_FLOAT, LANES), ir.VectorType(_INT, LANES)
-_HALF_VECTOR = ir.VectorType(ir.HalfType(), LANES)
 
 EXP2_CUBIC = (0.0551716672, 0.2426111221, 0.6932609858, 0.9999280736)
 """2**f for f in [-0.5, 0.5], highest power first: the least relative error a cubic can have, 7.5e-5."""
@@ -112,17 +111,6 @@ def _store(typingctx: Any, array: Any, offset: Any, value: Any) -> Any:
 
 
 @device
-def _store_past_caches(typingctx: Any, array: Any, offset: Any, value: Any) -> Any:
-    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        pointer = _vector_pointer(context, builder, sig.args[0], *args[:2])
-        stored = builder.store(args[2], pointer, align=4 * LANES)
-        stored.set_metadata("nontemporal", builder.module.add_metadata([ir.Constant(_INT, 1)]))
-        return context.get_dummy_value()
-
-    return types.void(array, types.int64, float8), codegen
-
-
-@device
 def _fma(typingctx: Any, x: Any, y: Any, z: Any) -> Any:
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return _call(builder, f"llvm.fma.v{LANES}f32", _VECTOR, list(args))
@@ -195,111 +183,6 @@ def _sqrt(typingctx: Any, x: Any) -> Any:
     return float8(float8), codegen
 
 
-@device
-def _load_half(typingctx: Any, array: Any, offset: Any) -> Any:
-    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        pointer = context.make_array(sig.args[0])(context, builder, args[0]).data
-        pointer = builder.bitcast(builder.gep(pointer, [args[1]]), _HALF_VECTOR.as_pointer())
-        return builder.fpext(builder.load(pointer, align=2), _VECTOR)
-
-    return float8(array, types.int64), codegen
-
-
-@device
-def _store_half(typingctx: Any, array: Any, offset: Any, value: Any) -> Any:
-    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        pointer = context.make_array(sig.args[0])(context, builder, args[0]).data
-        pointer = builder.bitcast(builder.gep(pointer, [args[1]]), _HALF_VECTOR.as_pointer())
-        builder.store(builder.fptrunc(args[2], _HALF_VECTOR), pointer, align=2)
-        return context.get_dummy_value()
-
-    return types.void(array, types.int64, float8), codegen
-
-
-@device
-def _store_rows(typingctx: Any, array: Any, upper: Any, lower: Any, value: Any) -> Any:
-    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        _store_two_rows(
-            context, builder, sig.args[0], args[:3], args[3], ir.Constant(_VECTOR, ir.Undefined), range(8)
-        )
-        return context.get_dummy_value()
-
-    return types.void(array, types.int64, types.int64, float8), codegen
-
-
-@device
-def _store_rows_rgb(typingctx: Any, array: Any, upper: Any, lower: Any, red: Any, green: Any, blue: Any) -> Any:
-    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        red, green, blue = args[3:]
-        wide = ir.VectorType(_INT, 2 * LANES)
-        both = builder.shuffle_vector(red, green, ir.Constant(wide, list(range(16))))
-        padded = builder.shuffle_vector(blue, blue, ir.Constant(wide, list(range(16))))
-        lanes = [lane + 8 * channel for lane in range(LANES) for channel in range(3)]
-        _store_two_rows(context, builder, sig.args[0], args[:3], both, padded, lanes)
-        return context.get_dummy_value()
-
-    return types.void(array, types.int64, types.int64, float8, float8, float8), codegen
-
-
-@device
-def _store_transposed(
-    typingctx: Any, target: Any, at: Any, stride: Any, source: Any, start: Any, distance: Any
-) -> Any:
-    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        target, at, stride, source, start, distance = args
-        columns = []
-        for _ in range(LANES):
-            pointer = _vector_pointer(context, builder, sig.args[3], source, start)
-            columns.append(builder.load(pointer, align=4))
-            start = builder.add(start, distance)
-        for row in _transpose(builder, columns):
-            builder.store(row, _vector_pointer(context, builder, sig.args[0], target, at), align=4)
-            at = builder.add(at, stride)
-        return context.get_dummy_value()
-
-    return types.void(target, types.int64, types.int64, source, types.int64, types.int64), codegen
-
-
-def _transpose(builder: Any, columns: list[Any]) -> list[Any]:
-    """Return the rows of eight columns: pairs of lanes are exchanged at distance 1, then 2, then 4."""
-    rows = list(columns)
-    for distance in (1, 2, 4):
-        low = [lane + (LANES - distance if lane & distance else 0) for lane in range(LANES)]
-        high = [lane + (LANES if lane & distance else distance) for lane in range(LANES)]
-        for first in range(LANES):
-            if not first & distance:
-                pair = rows[first], rows[first + distance]
-                rows[first], rows[first + distance] = (
-                    builder.shuffle_vector(*pair, ir.Constant(_INT_VECTOR, chosen)) for chosen in (low, high)
-                )
-    return rows
-
-
-def _store_two_rows(
-    context: Any, builder: Any, array_type: Any, place: Any, first: Any, second: Any, lanes: Any
-) -> None:
-    """Store half of the chosen lanes of two vectors at the upper offset, half at the lower one."""
-    array, *offsets = place
-    pointer = context.make_array(array_type)(context, builder, array).data
-    half = len(lanes) // 2
-    for offset, chosen in zip(offsets, (lanes[:half], lanes[half:]), strict=True):
-        row = builder.shuffle_vector(first, second, ir.Constant(ir.VectorType(_INT, half), list(chosen)))
-        target = builder.bitcast(builder.gep(pointer, [offset]), row.type.as_pointer())
-        builder.store(row, target, align=4)
-
-
-@device
-def _prefetch(typingctx: Any, array: Any, offset: Any) -> Any:
-    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        pointer = context.make_array(sig.args[0])(context, builder, args[0]).data
-        address = builder.bitcast(builder.gep(pointer, [args[1]]), ir.IntType(8).as_pointer())
-        hints = [ir.Constant(_INT, value) for value in (0, 3, 1)]  # to read, keep it close, data
-        _call(builder, "llvm.prefetch.p0", ir.VoidType(), [address, *hints])
-        return context.get_dummy_value()
-
-    return types.void(array, types.int64), codegen
-
-
 def _compiled_as(device_function: Any) -> Callable[[Callable[..., Any]], Any]:
     """Replace a word's plain twin, which says what it means, by the instructions that do it."""
     return lambda plain: device_function if JIT else plain
@@ -320,12 +203,6 @@ def load(array: Any, offset: Any) -> Any:
 @_compiled_as(_store)
 def store(array: Any, offset: Any, value: Any) -> None:
     """Put eight values into a flat float32 array from ``offset`` on."""
-    array[offset : offset + LANES] = value
-
-
-@_compiled_as(_store_past_caches)
-def store_past_caches(array: Any, offset: Any, value: Any) -> None:
-    """Put eight values into an array that starts a cache line, from a multiple of eight on, past the caches."""
     array[offset : offset + LANES] = value
 
 
@@ -380,41 +257,3 @@ def exp2(x: Any) -> Any:
 def sqrt(x: Any) -> Any:
     """Square roots; nan below zero."""
     return np.sqrt(x)
-
-
-@_compiled_as(_load_half)
-def load_half(array: Any, offset: Any) -> Any:
-    """The eight half-precision values of a flat uint16 array that start at ``offset``."""
-    return array[offset : offset + LANES].view(np.float16).astype(np.float32)
-
-
-@_compiled_as(_store_half)
-def store_half(array: Any, offset: Any, value: Any) -> None:
-    """Put eight values into a flat uint16 array from ``offset`` on, as half-precision numbers."""
-    array[offset : offset + LANES] = value.astype(np.float16).view(np.uint16)
-
-
-@_compiled_as(_store_rows)
-def store_rows(array: Any, upper: Any, lower: Any, value: Any) -> None:
-    """Put the first four lanes at offset ``upper`` of a flat float32 array, the others at ``lower``."""
-    array[upper : upper + 4], array[lower : lower + 4] = value[:4], value[4:]
-
-
-@_compiled_as(_store_rows_rgb)
-def store_rows_rgb(array: Any, upper: Any, lower: Any, red: Any, green: Any, blue: Any) -> None:
-    """Put red, green and blue of the first four lanes at offset ``upper``, of the others at ``lower``."""
-    pixels = np.stack([red, green, blue], 1).ravel()
-    array[upper : upper + 12], array[lower : lower + 12] = pixels[:12], pixels[12:]
-
-
-@_compiled_as(_store_transposed)
-def store_transposed(target: Any, at: Any, stride: Any, source: Any, start: Any, distance: Any) -> None:
-    """Copy eight vectors, ``distance`` apart, as the columns of eight rows of eight values, ``stride`` apart."""
-    for lane in range(LANES):
-        for column in range(LANES):
-            target[at + lane * stride + column] = source[start + column * distance + lane]
-
-
-@_compiled_as(_prefetch)
-def prefetch(array: Any, offset: Any) -> None:
-    """Ask the processor to bring the cache line of ``array[offset]`` closer; changes no value."""

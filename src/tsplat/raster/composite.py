@@ -11,19 +11,8 @@ import numpy as np
 
 from tsplat._bits import BATCH, count, having, lanes_at_least, lowest, others
 from tsplat._jit import part
-from tsplat._lanes import (
-    exp2,
-    fma,
-    load,
-    maximum,
-    minimum,
-    minus_abs,
-    prefetch,
-    splat,
-    store,
-    where_above,
-    where_at_least,
-)
+from tsplat._lanes import exp2, fma, load, maximum, minimum, minus_abs, splat, store, where_above, where_at_least
+from tsplat._moves import prefetch
 from tsplat._threads import claim, meet
 from tsplat.raster import record as col
 from tsplat.raster import tile as channel

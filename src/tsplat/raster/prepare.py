@@ -16,7 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from tsplat._jit import kernel, part
-from tsplat._lanes import load, maximum, minimum, splat, store_half
+from tsplat._lanes import load, maximum, minimum, splat
+from tsplat._moves import store_half
 from tsplat._threads import FIRST_FREE, claim, new_team
 from tsplat.raster import record
 from tsplat.raster.buffers import Buffers, aligned

@@ -11,7 +11,8 @@ import numpy as np
 
 from tsplat._bits import lanes_at_least
 from tsplat._jit import part
-from tsplat._lanes import load, splat, store, store_past_caches, store_transposed
+from tsplat._lanes import load, splat, store
+from tsplat._moves import store_past_caches, store_transposed
 from tsplat._threads import claim, meet
 from tsplat.raster import record as col
 from tsplat.raster.cells import TILE

@@ -8,7 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from tsplat._jit import part
-from tsplat._lanes import fma, load, load_half, maximum, splat, sqrt, store
+from tsplat._lanes import fma, load, maximum, splat, sqrt, store
+from tsplat._moves import load_half
 from tsplat.raster.prepare import BLOCK
 
 C1 = 0.4886025119029199

@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from tsplat._jit import part
-from tsplat._lanes import load, maximum, minus_abs, splat, store, store_rows, store_rows_rgb
+from tsplat._lanes import load, maximum, minus_abs, splat, store
+from tsplat._moves import store_rows, store_rows_rgb
 from tsplat.raster.cells import CELL, CELLS, GRID
 
 LIGHT, RED, GREEN, BLUE, DEPTH = 0, 16, 32, 48, 64
