@@ -14,6 +14,7 @@ from tests.viewer.states import a_state
 from tsplat.encode import ENCODERS, encoder
 from tsplat.errors import SaveError
 from tsplat.terminal.keys import TerminalSize
+from tsplat.terminal.probe import Profile
 from tsplat.viewer.picture import Painter, frame_size, free_path, saturated, view_camera
 from tsplat.viewer.scenes import SceneVariants, activated, unactivated
 from tsplat.viewer.spans import Span, shaded
@@ -123,3 +124,18 @@ def test_opacities_at_the_ends_stay_in_range() -> None:
     ends = np.array([0.0, 0.5, 1.0], np.float32)
     assert unactivated(ends).tolist() == [0.0, 0.0, 1.0]
     assert ((activated(ends) >= 0.5) & (activated(ends) < 1.0)).all()
+
+
+def test_encoders_are_made_for_the_terminal_and_the_wish() -> None:
+    scenes = SceneVariants(random_gaussians(np.random.default_rng(5), 20))
+    profile = Profile(colors=0, sixel_size=(400, 300))
+    state = a_state(output="sixel")
+    gradient = np.linspace(0, 255, 460 * 800 * 3).reshape(460, 800, 3).astype(np.uint8)
+    drawn = {}
+    for dither in (False, True):
+        encoded, _ = Painter(scenes, profile, dither=dither).encode(state, gradient, [])
+        drawn[dither] = encoded.draw
+        assert drawn[dither].count(b"\x1bP") == 4
+    assert len(drawn[True]) > len(drawn[False])
+    ascii_art, _ = Painter(scenes, profile).encode(a_state(output="ascii"), gradient, [])
+    assert b"\x1b[38" not in ascii_art.draw

@@ -26,6 +26,7 @@ def encoder(
     *,
     tmux: bool = False,
     sixel_size: tuple[int, int] | None = None,
+    dither: bool = False,
 ) -> Encoder:
     """Return a new encoder.
 
@@ -42,6 +43,8 @@ def encoder(
         Whether kitty graphics have to pass through tmux.
     sixel_size : tuple of 2 ints, optional
         Most pixels across and down of one sixel picture.
+    dither : bool
+        Whether sixel mixes colours that its palette lacks.
 
     Raises
     ------
@@ -61,7 +64,7 @@ def encoder(
     if name == "sixel":
         from tsplat.encode.sixel import Sixel  # Numba, half a second
 
-        return Sixel(max_size=sixel_size)
+        return Sixel(dither, sixel_size)
     from tsplat.encode.cells import Cells  # Numba as well
 
     return Cells(name, colors)

@@ -28,6 +28,7 @@ def view(
     fov_y: float = 55.0,
     raw_opacity: bool = False,
     latency: float = LATENCY,
+    dither: bool = False,
     recorder: Recorder | None = None,
 ) -> None:
     """Open the viewer; it returns when the person quits, with the terminal as it was.
@@ -50,6 +51,8 @@ def view(
         Whether the scene was loaded with raw opacities.
     latency : float
         Seconds that a frame may take on its way while the view moves; what would take longer is sent coarser.
+    dither : bool
+        Whether sixel mixes colours that its palette lacks.
     recorder : Recorder, optional
         Who records the session; outputs that it does not take are not offered.
 
@@ -95,5 +98,6 @@ def view(
             message=GREETING,
         )
         painter = recorder.painter(SceneVariants(gaussians, raw_opacity=raw_opacity), session.profile)
+        painter.dither = dither
         pacer = Pacer(latency, remote=session.profile.remote)
         Viewer(session, painter, state, f"tsplat-{name}", Path.cwd(), pacer).run()

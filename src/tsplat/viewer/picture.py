@@ -62,8 +62,8 @@ class Drawn:
 class Painter:
     """Renders and encodes what the state shows; keeps the encoder, which knows what it left on screen."""
 
-    def __init__(self, scenes: SceneVariants, profile: Profile = TRUE_COLORS) -> None:
-        self.scenes, self.profile = scenes, profile
+    def __init__(self, scenes: SceneVariants, profile: Profile = TRUE_COLORS, *, dither: bool = False) -> None:
+        self.scenes, self.profile, self.dither = scenes, profile, dither
         self.encoder: Encoder | None = None
 
     def warm_up(self, state: ViewerState) -> None:
@@ -144,6 +144,7 @@ class Painter:
             profile.kitty_transports[0],
             tmux=profile.multiplexer == "tmux",
             sixel_size=profile.sixel_size,
+            dither=self.dither,
         )
 
     def render(self, state: ViewerState, width: int, height: int) -> Rendering:
