@@ -14,6 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from tsplat.errors import LoadError, LoadWarning
+from tsplat.io import compressed_ply
+from tsplat.io.finish import finish
 from tsplat.io.ply_columns import NAMES, find_columns, rest_names
 from tsplat.io.ply_decode import Decoder
 from tsplat.io.ply_header import MAGIC, read_header
@@ -34,7 +36,7 @@ def matches(head: bytes) -> bool:
 
 
 def read(path: Path, *, max_splats: int | None, raw_opacity: bool, progress: Callable[[float], None]) -> Gaussians:
-    """Read a splat PLY; see `tsplat.io.load` for the parameters.
+    """Read a splat PLY, ordinary or compressed; see `tsplat.io.load` for the parameters.
 
     Raises
     ------
@@ -45,6 +47,10 @@ def read(path: Path, *, max_splats: int | None, raw_opacity: bool, progress: Cal
     """
     with path.open("rb") as file:
         header = read_header(file, path)
+        if compressed_ply.is_compressed(header):
+            with np.errstate(over="ignore", invalid="ignore"):  # bounds of nan or inf: dropped by `finish`
+                arrays = compressed_ply.read_arrays(file, path, header, progress)
+                return finish(path, *arrays, max_splats=max_splats)
         vertex = header.element("vertex")
         if vertex is None:
             raise LoadError(path, "holds no element 'vertex', so it is no splat scene; choose another file")
