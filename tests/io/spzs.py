@@ -7,6 +7,8 @@ import math
 import struct
 from dataclasses import dataclass, field
 
+import zstandard
+
 SH_VALUES = (0, 9, 24, 45, 72)
 
 
@@ -49,6 +51,15 @@ def bare(splats: list[Splat], version: int, degree: int, bits: int = 8, flags: i
 def zipped(raw: bytes) -> bytes:
     """Return a gzip stream with no name and no time."""
     return gzip.compress(raw, mtime=0)
+
+
+def framed(splats: list[Splat], version: int, degree: int, flags: int = 0, between: bytes = b"") -> bytes:
+    """Return a file of version 4, with these bytes between header and table."""
+    contents = streams(splats, version)[: 6 if degree else 5]
+    frames = [zstandard.ZstdCompressor().compress(content) for content in contents]
+    first = head(len(splats), version, degree, flags=flags)[:15] + bytes([len(frames)])
+    table = [struct.pack("<QQ", len(frame), len(content)) for frame, content in zip(frames, contents, strict=True)]
+    return b"".join([first, struct.pack("<I", 32 + len(between)), bytes(12), between, *table, *frames])
 
 
 def _mean(value: float, version: int) -> bytes:

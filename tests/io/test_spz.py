@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 import warnings
 from pathlib import Path
@@ -10,8 +11,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+import zstandard
 
-from tests.io.spzs import SH_VALUES, Splat, bare, decoded, head, zipped
+from tests.io.spzs import SH_VALUES, Splat, bare, decoded, framed, head, streams, zipped
 from tests.raster.compare import psnr
 from tests.scenes import shared_scenes
 from tsplat import io
@@ -22,7 +24,8 @@ from tsplat.raster import rasterize
 from tsplat.rendering import RenderOptions
 from tsplat.scene import Gaussians
 
-VERSIONS = [2, 3]
+VERSIONS = [1, 2, 3, 4]
+GZIP_VERSIONS = VERSIONS[:3]
 F32 = npt.NDArray[np.float32]
 
 
@@ -32,7 +35,7 @@ def some_splats(version: int, degree: int, count: int = 5, seed: int = 3) -> lis
     ends = [(-(2**23), 2**23 - 1, -1), (0, 1, 255)]
     found = []
     for index in range(count):
-        mean = tuple(int(value) for value in rng.integers(-5000, 5000, 3))
+        mean = tuple(int(value) for value in rng.integers(-2000, 2000, 3))
         quat = (index % 4, *(int(value) for value in rng.integers(-290, 290, 3)))
         found.append(
             Splat(
@@ -47,8 +50,12 @@ def some_splats(version: int, degree: int, count: int = 5, seed: int = 3) -> lis
     return found
 
 
-def whole_file(version: int, degree: int = 1, **options: int) -> bytes:
-    return zipped(bare(some_splats(version, degree), version, degree, **options))
+def whole_file(version: int, degree: int = 1) -> bytes:
+    return packed_file(some_splats(version, degree), version, degree)
+
+
+def packed_file(splats: list[Splat], version: int, degree: int) -> bytes:
+    return framed(splats, 4, degree) if version == 4 else zipped(bare(splats, version, degree))
 
 
 def load_bytes(folder: Path, raw: bytes, **options: Any) -> Gaussians:
@@ -74,13 +81,13 @@ def check_splats(gaussians: Gaussians, splats: list[Splat], version: int) -> Non
 def test_every_version_means_what_the_slow_reader_says(tmp_path: Path, version: int, degree: int) -> None:
     splats = some_splats(version, degree, 40)
     path = tmp_path / "scene.spz"
-    path.write_bytes(zipped(bare(splats, version, degree)))
+    path.write_bytes(packed_file(splats, version, degree))
     gaussians = read_rdf(path)
     assert gaussians.sh_degree == min(degree, 3)
     check_splats(gaussians, splats, version)
 
 
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", GZIP_VERSIONS)
 def test_a_file_without_gzip_reads_the_same(tmp_path: Path, version: int) -> None:
     raw = bare(some_splats(version, 2), version, 2)
     np.testing.assert_array_equal(load_bytes(tmp_path, raw).sh, load_bytes(tmp_path, zipped(raw)).sh)
@@ -118,7 +125,7 @@ def test_the_axes_of_the_file_become_those_of_a_ply(tmp_path: Path, rng: np.rand
 
 
 def test_the_first_bytes_decide_before_the_suffix(tmp_path: Path) -> None:
-    for raw in (whole_file(3), bare(some_splats(2, 0), 2, 0)):
+    for raw in (whole_file(3), whole_file(4), bare(some_splats(2, 0), 2, 0)):
         path = tmp_path / "scene.ply"
         path.write_bytes(raw)
         assert len(io.load(path)) == 5
@@ -136,13 +143,22 @@ def test_a_limit_keeps_the_weightiest_and_progress_grows_to_one(tmp_path: Path) 
     assert (0.0 < seen[0] < 0.5, seen[-1]) == (True, 1.0)
 
 
-def test_a_file_of_no_splats_is_an_empty_scene(tmp_path: Path) -> None:
-    assert load_bytes(tmp_path, zipped(bare([], 3, 3))).sh.shape == (0, 16, 3)
+@pytest.mark.parametrize("version", VERSIONS)
+def test_a_file_of_no_splats_is_an_empty_scene(tmp_path: Path, version: int) -> None:
+    assert load_bytes(tmp_path, packed_file([], version, 3)).sh.shape == (0, 16, 3)
+
+
+def test_halves_that_are_no_numbers_are_left_out(tmp_path: Path) -> None:
+    means = [(math.inf, -math.inf, 0), (math.nan, 0, 0), (1.5, -2.0, 65504.0), (0, math.inf, 0)]
+    with pytest.warns(LoadWarning, match="dropped 3 of 4 splats"):
+        gaussians = load_bytes(tmp_path, zipped(bare([Splat(mean) for mean in means], 1, 0)))
+    assert gaussians.means.tolist() == [[1.5, 2.0, -65504.0]]
 
 
 def test_what_extensions_append_is_passed_over_with_a_warning(tmp_path: Path) -> None:
     raw = bare(some_splats(3, 1), 3, 1, flags=3)
-    for file in (zipped(raw + bytes(100_000)), raw + bytes(99)):
+    new = framed(some_splats(4, 1), 4, 1, flags=3, between=bytes(12))
+    for file in (zipped(raw + bytes(100_000)), raw + bytes(99), new):
         with pytest.warns(LoadWarning, match="flags 0x3 announce extensions") as caught:
             assert len(load_bytes(tmp_path, file)) == 5
         assert caught[0].filename == __file__, "the warning points at the caller of load"
@@ -150,8 +166,9 @@ def test_what_extensions_append_is_passed_over_with_a_warning(tmp_path: Path) ->
 
 @pytest.mark.parametrize("version", VERSIONS)
 def test_a_file_cut_anywhere_is_refused(tmp_path: Path, version: int) -> None:
-    raw = bare(some_splats(version, 1), version, 1)
-    files = [raw, whole_file(version)] if version < 4 else [whole_file(version)]
+    files = [whole_file(version)]
+    if version < 4:
+        files.append(bare(some_splats(version, 1), version, 1))
     for whole in files:
         assert len(load_bytes(tmp_path, whole)) == 5
         for length in range(len(whole)):
@@ -162,7 +179,7 @@ def test_a_file_cut_anywhere_is_refused(tmp_path: Path, version: int) -> None:
         assert len(load_bytes(tmp_path, whole)) == 5
 
 
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", GZIP_VERSIONS)
 def test_packed_bytes_that_end_early_are_refused(tmp_path: Path, version: int) -> None:
     raw = bare(some_splats(version, 1), version, 1)
     for length in range(len(raw)):
@@ -228,6 +245,61 @@ def test_a_bomb_behind_the_last_stream_is_not_unpacked(tmp_path: Path) -> None:
         load_bytes(tmp_path, zipped(raw))
 
 
+def changed(place: int, layout: str, value: int) -> bytes:
+    """Return a file of version 4 with another number at a place."""
+    raw = bytearray(whole_file(4))
+    struct.pack_into(layout, raw, place, value)
+    return bytes(raw)
+
+
+def reframed(first: bytes, unpacked: int = 45) -> bytes:
+    """Return a file of version 4 of five splats whose first frame is another."""
+    raw = whole_file(4)
+    start = 32 + 6 * 16
+    size = struct.unpack_from("<Q", raw, 32)[0]
+    return raw[:32] + struct.pack("<QQ", len(first), unpacked) + raw[48:start] + first + raw[start + size :]
+
+
+PLAIN = zstandard.ZstdCompressor()
+NO_SIZE = zstandard.ZstdCompressor(write_content_size=False)
+NEW_LIARS = {
+    "huge count": (changed(8, "<I", 2**32 - 1), "4294967295 splats are more than"),
+    "one splat too many": (changed(8, "<I", 6), "says 45 bytes of means, expected 54"),
+    "no streams": (changed(15, "<B", 0), "at byte 15: has 0 streams, expected 6"),
+    "many streams": (changed(15, "<B", 255), "has 255 streams, expected 6"),
+    "table in the header": (changed(16, "<I", 16), "at byte 16: has its table at byte 16, expected 32 to"),
+    "table far away": (changed(16, "<I", 2**32 - 1), "has its table at byte 4294967295"),
+    "endless frame": (changed(32, "<Q", 2**64 - 1), "18446744073709551615 packed bytes of means begin at"),
+    "bytes behind the end": (whole_file(4) + b"x", "has 1 bytes behind the last stream"),
+    "frame of another size": (reframed(PLAIN.compress(bytes(44))), "means unpack to 44 bytes, expected 45"),
+    "frame of no size, short": (reframed(NO_SIZE.compress(bytes(44))), "means unpack to 44 bytes"),
+    "frame of no size, long": (reframed(NO_SIZE.compress(bytes(10**7))), "means do not unpack"),
+    "frame that promises much": (reframed(PLAIN.compress(bytes(10**7))), "means unpack to 10000000 bytes"),
+    "two frames": (reframed(PLAIN.compress(bytes(45)) * 2), "means do not unpack"),
+    "frame that is none": (reframed(b"no frame at all"), "means do not unpack"),
+    "empty frame": (reframed(b""), "means do not unpack"),
+}
+
+
+@pytest.mark.parametrize("name", NEW_LIARS)
+def test_a_file_of_version_4_that_lies_is_one_clear_line(tmp_path: Path, name: str) -> None:
+    raw, message = NEW_LIARS[name]
+    with pytest.raises(CorruptFileError, match=message + ".*; fetch it again") as caught:
+        load_bytes(tmp_path, raw)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_frame_that_keeps_its_size_to_itself_is_read(tmp_path: Path) -> None:
+    means = streams(some_splats(4, 1), 4)[0]
+    found = load_bytes(tmp_path, reframed(NO_SIZE.compress(means)))
+    np.testing.assert_array_equal(found.means, load_bytes(tmp_path, whole_file(4)).means)
+
+
+def test_version_4_in_gzip_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(LoadError, match="is SPZ of version 4, expected 1 to 3"):
+        load_bytes(tmp_path, zipped(whole_file(4)))
+
+
 SCENES = shared_scenes()
 needs_scenes = pytest.mark.skipif(
     SCENES is None, reason="no folder of real scenes: set TSPLAT_SCENES or have ../shared/scenes"
@@ -252,6 +324,8 @@ def angles(quats: F32, others: F32) -> npt.NDArray[np.float64]:
     [
         ("yashica_v2_gaussforge.spz", "yashica.ply", 12.0, 29.0),
         ("yashica_v3.spz", "yashica.ply", 0.25, 33.0),
+        ("yashica_v4.spz", "yashica.ply", 0.25, 33.0),
+        ("playbot31k_v4.spz", "playbot31k.ply", 0.25, 43.0),
         ("playbot31k_v2_gaussforge.spz", "playbot31k.ply", 12.0, 43.0),
     ],
 )
@@ -278,7 +352,9 @@ FIXTURES = SCENES and SCENES / "splat-transform-fixtures/test/fixtures/splat"
 
 
 @needs_scenes
-@pytest.mark.parametrize(("name", "twin"), [("minimal-v2.spz", "minimal-raw.spz")])
+@pytest.mark.parametrize(
+    ("name", "twin"), [("minimal-v2.spz", "minimal-raw.spz"), ("minimal-v4.spz", "minimal-v3.spz")]
+)
 def test_a_small_file_of_another_writer_is_like_its_twin(name: str, twin: str) -> None:
     assert FIXTURES is not None
     found, truth = io.load(FIXTURES / name), io.load(FIXTURES / twin)

@@ -13,25 +13,28 @@ from typing import Literal
 
 from tsplat.errors import CorruptFileError, LoadWarning
 from tsplat.io.finish import finish
-from tsplat.io.spz_container import (
-    ANTIALIASED,
-    GZIP_MAGIC,
-    MAGIC,
-    REST_COEFFICIENTS,
-    Header,
-    Take,
-    open_bare,
-    open_gzip,
-)
 from tsplat.io.spz_decode import (
     decode_first_three,
     decode_fixed,
+    decode_half,
     decode_opacities,
     decode_scales,
     decode_sh,
     decode_smallest_three,
     half_turn,
 )
+from tsplat.io.spz_gzip import open_bare, open_gzip
+from tsplat.io.spz_header import (
+    ANTIALIASED,
+    GZIP_MAGIC,
+    HEADER,
+    MAGIC,
+    REST_COEFFICIENTS,
+    Header,
+    Take,
+    parse_header,
+)
+from tsplat.io.spz_zstd import open_zstd
 from tsplat.scene import Gaussians
 
 
@@ -84,7 +87,10 @@ def read(
     if header.flags & ~ANTIALIASED:
         problem = f"flags {header.flags:#x} announce extensions, which were not read"
         warnings.warn(f"{path}: {problem}; the scene may be meant otherwise", LoadWarning, stacklevel=3)
-    means = decode_fixed(streams["means"], header.fractional_bits)
+    if header.version == 1:
+        means = decode_half(streams["means"])
+    else:
+        means = decode_fixed(streams["means"], header.fractional_bits)
     quats = (decode_first_three if header.version < 3 else decode_smallest_three)(streams["quats"])
     sh = decode_sh(streams["colours"], streams["sh"], REST_COEFFICIENTS[header.sh_degree])
     if frame == "rub":
@@ -98,6 +104,8 @@ def read(
 def _open(path: Path, raw: bytes) -> tuple[Header, Take]:
     if raw.startswith(GZIP_MAGIC):
         return open_gzip(path, raw)
-    if raw.startswith(MAGIC):
-        return open_bare(path, raw)
-    raise CorruptFileError(path, f"begins with {raw[:4]!r}, expected {MAGIC!r} or gzip; fetch it again", 0)
+    if not raw.startswith(MAGIC):
+        problem = f"begins with {raw[:4]!r}, expected {MAGIC!r} or gzip; fetch it again"
+        raise CorruptFileError(path, problem, 0)
+    header = parse_header(path, raw[: HEADER.size], (1, 2, 3, 4))
+    return header, (open_zstd if header.version == 4 else open_bare)(path, raw, header)

@@ -50,6 +50,12 @@ def decode_fixed(stream: Stream, fractional_bits: int) -> F32:
     return numbers.reshape(-1, 3) * np.float32(2.0**-fractional_bits)
 
 
+def decode_half(stream: Stream) -> F32:
+    """Return means of float16 numbers; those that are not finite become nan."""
+    halves = np.frombuffer(stream, "<f2").reshape(-1, 3)
+    return np.where(np.isfinite(halves), halves, np.float16(np.nan)).astype(np.float32)
+
+
 def decode_scales(stream: Stream) -> F32:
     """Return scales of their logarithms in sixteenths."""
     return _SCALES[np.frombuffer(stream, np.uint8)].reshape(-1, 3)
