@@ -74,6 +74,27 @@ def _smallest(quat: tuple[int, ...]) -> bytes:
     return struct.pack("<I", word)
 
 
+def unpacked(raw: bytes) -> tuple[tuple[int, ...], list[Splat]]:
+    """Return version, count, degree, bits, flags and reserved of an unpacked file of version 3, and its splats."""
+    magic, *fields = struct.unpack("<4sIIBBBB", raw[:16])
+    _, count, degree, *_ = fields
+    assert magic == b"NGSP"
+    parts, start = [], 16
+    for width in (9, 1, 3, 3, 4, SH_VALUES[degree]):
+        parts.append([raw[start + width * index : start + width * (index + 1)] for index in range(count)])
+        start += width * count
+    assert start == len(raw)
+    return tuple(fields), [_splat(*values) for values in zip(*parts, strict=True)]
+
+
+def _splat(mean: bytes, opacity: bytes, colour: bytes, scale: bytes, quat: bytes, sh: bytes) -> Splat:
+    x, y, z = (int.from_bytes(mean[start : start + 3], "little", signed=True) for start in (0, 3, 6))
+    (word,) = struct.unpack("<I", quat)
+    fields = [word >> shift & 1023 for shift in (20, 10, 0)]
+    others = [512 - field if field > 511 else field for field in fields]
+    return Splat((x, y, z), opacity[0], tuple(colour), tuple(scale), (word >> 30, *others), list(sh))
+
+
 def decoded(splat: Splat, version: int, bits: int = 8) -> dict[str, list[float]]:
     """Return what a splat means, in the axes of the file."""
     if version < 3:

@@ -49,7 +49,7 @@ HEAD_BYTES = 64
 
 FORMATS = (
     Format("PLY", (".ply",), ply.matches, ply.read, ply.write),
-    Format("SPZ", (".spz",), spz.matches, spz.read),
+    Format("SPZ", (".spz",), spz.matches, spz.read, spz.write),
 )
 
 

@@ -9,7 +9,7 @@ import warnings
 import zlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Literal
+from typing import BinaryIO, Literal
 
 from tsplat.errors import CorruptFileError, LoadWarning
 from tsplat.io.finish import finish
@@ -99,6 +99,26 @@ def read(
     gaussians = finish(path, means, quats, scales, opacities, sh, max_splats=max_splats)
     progress(1.0)
     return gaussians
+
+
+def write(file: BinaryIO, gaussians: Gaussians) -> None:
+    """Write an SPZ of version 3, in the axes of the format.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for writing.
+    gaussians : Gaussians
+        The scene; values become the nearest that a byte or three can hold.
+
+    Raises
+    ------
+    SaveError
+        A mean is too far out for 24 bits.
+    """
+    from tsplat.io.spz_encode import write_spz
+
+    write_spz(file, gaussians)
 
 
 def _open(path: Path, raw: bytes) -> tuple[Header, Take]:

@@ -22,7 +22,9 @@ SMALLEST_BITS = 9
 OTHERS = np.array([[2, 3, 0], [1, 3, 0], [1, 2, 0], [1, 2, 3]], np.intp)
 """Which components of ``wxyz`` are stored, in order, by the number in ``xyzw`` of the largest."""
 
-SH_SIGNS = np.array([1, -1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1, -1, 1, -1, 1], np.float32)
+MEANS_SIGNS = np.array([1, -1, -1], np.float32)
+QUATS_SIGNS = np.array([1, 1, -1, -1], np.float32)
+SH_SIGNS = np.array([[1, -1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1, -1, 1, -1, 1]], np.float32).T
 """What half a turn about x makes of the harmonics: each is odd or even in y and z together."""
 
 _BYTES = np.arange(256, dtype=np.float64)
@@ -98,9 +100,9 @@ def decode_sh(colours: Stream, rest: Stream, rest_coefficients: int) -> F32:
 
 def half_turn(means: F32, quats: F32, sh: F32) -> None:
     """Turn a scene by half a turn about x, in place: from right-up-back axes to right-down-front, or back."""
-    means[:, 1:] *= -1
-    quats[:, 2:] *= -1
-    sh *= SH_SIGNS[: sh.shape[1], None]
+    means *= MEANS_SIGNS
+    quats *= QUATS_SIGNS
+    sh *= SH_SIGNS[: sh.shape[1]]
 
 
 def _missing(others: F32) -> F32:
