@@ -20,7 +20,7 @@ TABLE_START = 16
 
 _ENTRY = struct.Struct("<QQ")
 _MOST_ZSTD = 1024
-"""The reference refuses files that promise more bytes of means than this for each of their own; so do we."""
+"""No scene packs to so little of itself; the reference, too, refuses files that promise so much."""
 
 _WINDOW_BYTES = 1 << 23
 """What RFC 8878 asks every decoder to have for a window."""
@@ -35,8 +35,9 @@ def open_zstd(path: Path, raw: bytes, header: Header) -> Take:
         A size or a place contradicts the header or the length of the file.
     """
     sizes = list(header.streams.items())
-    if header.count * 9 > _MOST_ZSTD * len(raw):
-        problem = f"{header.count} splats are more than {len(raw)} packed bytes hold; fetch it again"
+    need = sum(header.streams.values())
+    if need > _MOST_ZSTD * len(raw):
+        problem = f"{header.count} splats need {need} bytes, more than {len(raw)} packed ones hold; fetch it again"
         raise CorruptFileError(path, problem, 8)
     if len(raw) < HEAD_BYTES:
         raise CorruptFileError(path, f"ends in a header of {HEAD_BYTES} bytes; fetch it again", len(raw))
