@@ -1,0 +1,108 @@
+"""A scene as an SPZ of version 3, each stream a piece at a time.
+
+Source: the README of github.com/nianticlabs/spz. Its library rounds harmonics to 4 or 5 of their 8 bits, for
+smaller files; here they keep all 8.
+"""
+
+from __future__ import annotations
+
+import gzip
+import math
+from collections.abc import Iterator
+from typing import BinaryIO
+
+import numpy as np
+import numpy.typing as npt
+
+from tsplat.errors import SaveError
+from tsplat.io.spz_decode import COLOUR_SCALE, MEANS_SIGNS, OTHERS, QUATS_SIGNS, SH_SIGNS, SMALLEST_BITS
+from tsplat.io.spz_header import HEADER, MAGIC
+from tsplat.scene import Gaussians
+
+F32 = npt.NDArray[np.float32]
+
+VERSION = 3
+WRITE_ROWS = 1 << 16
+GZIP_LEVEL = 6
+
+FRACTIONAL_BITS = 12
+"""What Niantic's library always writes: steps of a quarter of a millimetre in a scene in metres."""
+
+REACH_STEPS = 16
+"""A small scene gets more bits, until the farthest mean is at least two to this many steps from the origin."""
+
+
+def write_spz(file: BinaryIO, gaussians: Gaussians) -> None:
+    """Write a scene, turned from the axes of a PLY to those of the format.
+
+    Raises
+    ------
+    SaveError
+        A mean is too far out for 24 bits.
+    """
+    bits = fractional_bits(float(np.abs(gaussians.means).max(initial=0)))
+    # No name and no time: the same scene makes the same bytes.
+    with gzip.GzipFile("", "wb", GZIP_LEVEL, file, mtime=0) as stream:
+        stream.write(HEADER.pack(MAGIC, VERSION, len(gaussians), gaussians.sh_degree, bits, 0, 0))
+        for encoded in _streams(gaussians, bits):
+            stream.write(encoded)
+
+
+def fractional_bits(reach: float) -> int:
+    """Return how many bits of a mean lie behind the point.
+
+    Parameters
+    ----------
+    reach : float
+        Size of the largest coordinate.
+    """
+    exponent = math.frexp(reach)[1]  # reach is below two to this
+    most = 23 - exponent
+    if round(math.ldexp(reach, most)) >= 1 << 23:
+        most -= 1
+    if most < 0:
+        raise SaveError(f"a mean lies {reach:.6g} from the origin, an SPZ holds up to 8388607; save as .ply")
+    return min(most, 24, max(FRACTIONAL_BITS, REACH_STEPS + 1 - exponent)) if reach else FRACTIONAL_BITS
+
+
+def _streams(gaussians: Gaussians, bits: int) -> Iterator[bytes]:
+    parts = [slice(first, first + WRITE_ROWS) for first in range(0, len(gaussians), WRITE_ROWS)]
+    signs = SH_SIGNS[1 : gaussians.sh.shape[1]]
+    for part in parts:
+        yield _fixed(gaussians.means[part] * MEANS_SIGNS, bits)
+    for part in parts:
+        yield _bytes(gaussians.opacities[part] * 255)
+    for part in parts:
+        yield _bytes(np.clip(gaussians.sh[part, 0] * COLOUR_SCALE + 0.5, 0, 1) * 255)
+    for part in parts:
+        scales = np.maximum(gaussians.scales[part], np.finfo(np.float32).tiny)
+        yield _bytes((np.log(scales) + 10) * 16)
+    for part in parts:
+        yield _smallest_three(gaussians.quats[part] * QUATS_SIGNS)
+    for part in parts:
+        yield _bytes(np.clip(gaussians.sh[part, 1:] * signs, -1, 1) * 128 + 128)
+
+
+def _bytes(values: F32) -> bytes:
+    return np.clip(np.rint(values), 0, 255).astype(np.uint8).tobytes()
+
+
+def _fixed(means: F32, bits: int) -> bytes:
+    numbers = np.rint(means.astype(np.float64) * 2.0**bits).astype("<i4")
+    return numbers.view(np.uint8).reshape(-1, 4)[:, :3].tobytes()
+
+
+def _smallest_three(quats: F32) -> bytes:
+    rows = np.arange(len(quats))
+    # Components are numbered as in xyzw, and w comes first here.
+    largest = (np.abs(quats).argmax(axis=1) + 3) % 4
+    others = np.take_along_axis(quats, OTHERS[largest], axis=1)
+    # A quat and its negative are one rotation, so the largest is made positive and its sign left out.
+    others = others * np.where(quats[rows, (largest + 1) % 4] < 0, -1, 1)[:, None]
+    most = (1 << SMALLEST_BITS) - 1
+    sizes = np.clip(np.rint(np.abs(others) * math.sqrt(2) * most), 0, most).astype(np.uint32)
+    fields = sizes | (others < 0).astype(np.uint32) << np.uint32(SMALLEST_BITS)
+    words: npt.NDArray[np.uint32] = largest.astype(np.uint32) << np.uint32(30)
+    for column, shift in enumerate((20, 10, 0)):
+        words |= fields[:, column] << np.uint32(shift)
+    return words.astype("<u4").tobytes()
