@@ -62,6 +62,13 @@ class Fields:
             raise self.wrong(name, f"{count} names of files inside the scene's folder")
         return value
 
+    def name(self, name: str) -> str:
+        """Return one name of a file inside the folder."""
+        value = self.values.get(name)
+        if not isinstance(value, str) or not is_inside(value):
+            raise self.wrong(name, "the name of a file inside the scene's folder")
+        return value
+
     def numbers(self, name: str, low: int, high: int) -> F64:
         """Return a list of so many finite numbers; a lone number is a list of one."""
         value = self.values.get(name)
