@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Protocol
 
-from tsplat.io import ply, spz
+from tsplat.io import ply, sog, spz
 from tsplat.scene import Gaussians
 
 
@@ -49,6 +49,7 @@ HEAD_BYTES = 64
 
 FORMATS = (
     Format("PLY", (".ply",), ply.matches, ply.read, ply.write),
+    Format("SOG", (".sog", ".json"), sog.matches, sog.read),
     Format("SPZ", (".spz",), spz.matches, spz.read, spz.write),
 )
 

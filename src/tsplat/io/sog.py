@@ -1,0 +1,135 @@
+"""SOG, PlayCanvas' format: planes of bytes as WebP images, and a meta.json that says what they mean.
+
+A scene is one zip (.sog), a folder whose meta.json is given, or several of these with a lod-meta.json.
+
+Source: the SOG specification on developer.playcanvas.com. Writers keep the axes of the PLY they were given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from tsplat.errors import CorruptFileError, LoadError, OptionError
+from tsplat.io.finish import finish
+from tsplat.io.sog_files import ZIP_MAGICS, Archive, Folder
+from tsplat.io.sog_json import Fields, read_fields
+from tsplat.io.sog_lod import Piece, Run, is_streamed, pieces_of_level
+from tsplat.io.sog_meta import parse_meta
+from tsplat.io.sog_splats import Splats, read_splats
+from tsplat.scene import Gaussians
+
+META_NAME = "meta.json"
+
+
+def matches(head: bytes) -> bool:
+    """Tell whether a file that begins with these bytes is a zip or a JSON object."""
+    return head.startswith(ZIP_MAGICS) or head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"{")
+
+
+def read(
+    path: Path,
+    *,
+    max_splats: int | None,
+    raw_opacity: bool,  # noqa: ARG001
+    progress: Callable[[float], None],
+) -> Gaussians:
+    """Read a SOG scene; see `tsplat.io.load` for the parameters.
+
+    Raises
+    ------
+    CorruptFileError
+        It is no zip or JSON of a scene, or its planes contradict it.
+    """
+    # What is too large for float32 became inf; finish counts and drops it.
+    with np.errstate(over="ignore", invalid="ignore"):
+        return finish(path, *_read_any(path, 0, progress), max_splats=max_splats)
+
+
+def read_level(path: str | Path, level: int, *, max_splats: int | None = None) -> Gaussians:
+    """Read one level of detail of a streamed scene.
+
+    Parameters
+    ----------
+    path : str or Path
+        A lod-meta.json; other SOG scenes have level 0 only.
+    level : int
+        0 is the finest, which `tsplat.io.load` reads.
+    max_splats : int, optional
+        Keep at most this many, those with the largest opacity times area; by default all.
+
+    Raises
+    ------
+    OptionError
+        The scene has no such level.
+    LoadError
+        As for `tsplat.io.load`.
+    """
+    path = Path(path)
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):
+            return finish(path, *_read_any(path, level, lambda _: None), max_splats=max_splats)
+    except OSError as error:
+        raise LoadError(path, f"cannot be read: {error.strerror or error}; check the path") from error
+
+
+def _read_any(path: Path, level: int, progress: Callable[[float], None]) -> Splats:
+    if not _begins_as_zip(path):
+        fields = read_fields(Folder(path), path.name)
+        if is_streamed(fields):
+            return _read_streamed(path.parent, fields, pieces_of_level(fields, level), progress)
+    if level:
+        raise OptionError(f"level must be 0 in a scene that is not streamed, got {level}")
+    return _read_one(path, progress)
+
+
+def _read_streamed(folder: Path, fields: Fields, pieces: list[Piece], progress: Callable[[float], None]) -> Splats:
+    parts = []
+    for done, piece in enumerate(pieces):
+
+        def share(fraction: float, done: int = done) -> None:
+            progress((done + fraction) / len(pieces))
+
+        path = folder / piece.name
+        if not path.is_file():
+            raise fields.corrupt(f"names {piece.name!a}, which is missing, expected a file beside it; fetch it")
+        whole = _read_one(path, share)
+        count = len(whole.means)
+        if piece.runs is not None and (end := sum(piece.runs[-1])) > count:
+            raise fields.corrupt(f"names splat {end - 1} of {piece.name!a}, expected less than {count}")
+        parts.append(whole if piece.runs is None else _take_runs(whole, piece.runs))
+    return _joined(parts)
+
+
+def _take_runs(splats: Splats, runs: list[Run]) -> Splats:
+    wanted = np.zeros(len(splats.means), bool)
+    for offset, count in runs:
+        wanted[offset : offset + count] = True
+    return splats if wanted.all() else Splats(*(each[wanted] for each in splats))
+
+
+def _joined(parts: list[Splats]) -> Splats:
+    if len(parts) == 1:
+        return parts[0]
+    k = max(part.sh.shape[1] for part in parts)
+    even = [part._replace(sh=np.pad(part.sh, ((0, 0), (0, k - part.sh.shape[1]), (0, 0)))) for part in parts]
+    return Splats(*(np.concatenate(arrays) for arrays in zip(*even, strict=True)))
+
+
+def _read_one(path: Path, progress: Callable[[float], None]) -> Splats:
+    if _begins_as_zip(path):
+        with Archive(path) as archive:
+            return read_splats(archive, parse_meta(read_fields(archive, META_NAME)), progress)
+    folder = Folder(path)
+    return read_splats(folder, parse_meta(read_fields(folder, path.name)), progress)
+
+
+def _begins_as_zip(path: Path) -> bool:
+    with path.open("rb") as file:
+        head = file.read(64)
+    if not matches(head):
+        problem = f"begins with {head[:12]!r}, expected a zip archive or a JSON object; choose another file"
+        raise CorruptFileError(path, problem, 0)
+    return head.startswith(ZIP_MAGICS)

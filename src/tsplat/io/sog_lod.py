@@ -1,0 +1,106 @@
+"""Streamed SOG: a tree in lod-meta.json whose leaves name runs of splats in several SOG scenes, level by level.
+
+Source: lod-meta.json as PlayCanvas' splat-transform writes it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import PurePosixPath
+from typing import Any
+
+from tsplat.errors import OptionError
+from tsplat.io.sog_json import Fields
+from tsplat.io.sog_planes import PIXELS_MAX
+
+LEVELS_MAX = 1000
+
+Run = tuple[int, int]
+"""Offset and count of splats that lie side by side in a file."""
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """A file of a streamed scene and what is wanted of it.
+
+    Attributes
+    ----------
+    name : str
+        Its meta.json or .sog, from the folder of lod-meta.json.
+    runs : list of (offset, count), optional
+        By growing offset, no splat twice; None for the whole file.
+    """
+
+    name: str
+    runs: list[Run] | None
+
+
+def is_streamed(fields: Fields) -> bool:
+    """Tell whether a JSON object is a lod-meta.json."""
+    return fields.has("tree") and fields.has("filenames")
+
+
+def pieces_of_level(fields: Fields, level: int) -> list[Piece]:
+    """Return what makes up a level of detail, in the order of the files.
+
+    Parameters
+    ----------
+    fields : Fields
+        The lod-meta.json.
+    level : int
+        0 is the finest. A leaf without it gives its next coarser one, or else its coarsest.
+
+    Raises
+    ------
+    OptionError
+        There is no such level.
+    CorruptFileError
+        The tree is no tree of runs, or uses a splat twice.
+    """
+    filenames = fields.values.get("filenames")
+    names = fields.names("filenames", len(filenames) if isinstance(filenames, list) else 1)
+    levels = fields.count("lodLevels", 1, LEVELS_MAX)
+    if not 0 <= level < levels:
+        raise OptionError(f"level must be 0 to {levels - 1} in this scene, got {level}")
+    found: dict[str, list[Run]] = {}
+    for lods in _leaves(fields):
+        lod = _lod_of(lods, level)
+        # Two spellings of a name must not hide that they are one file.
+        name = str(PurePosixPath(names[lod.count("file", 0, len(names) - 1)]))
+        run = lod.count("offset", 0, PIXELS_MAX), lod.count("count", 0, PIXELS_MAX)
+        found.setdefault(name, []).append(run)
+    if not found:
+        raise fields.corrupt("has a tree without leaves, expected at least one")
+    for name, runs in found.items():
+        runs.sort()
+        for (offset, count), (following, _) in pairwise(runs):
+            if offset + count > following:
+                raise fields.corrupt(f"uses splat {following} of {name!a} twice, expected each once")
+    if (total := sum(count for runs in found.values() for _, count in runs)) > PIXELS_MAX:
+        raise fields.corrupt(f"counts {total} splats in level {level}, expected at most {PIXELS_MAX}")
+    pieces = [Piece(name, runs) for name, runs in sorted(found.items())]
+    # The sky and what else is far away is drawn behind every level.
+    return pieces + ([Piece(fields.name("environment"), None)] if fields.has("environment") else [])
+
+
+def _leaves(fields: Fields) -> Iterator[Fields]:
+    """Go through the tree without recursion: its depth is a stranger's choice."""
+    stack: list[Any] = [fields.values["tree"]]
+    while stack:
+        node = stack.pop()
+        if isinstance(node, dict) and isinstance(node.get("children"), list):
+            stack += node["children"]
+        elif isinstance(node, dict):
+            yield Fields(fields.corrupt, node, "tree...").inner("lods")
+        else:
+            raise fields.corrupt(f"holds {ascii(node)[:60]} in the tree, expected a node")
+
+
+def _lod_of(lods: Fields, level: int) -> Fields:
+    numbers = sorted(int(key) for key in lods.values if key.isascii() and key.isdigit() and len(key) < 5)
+    if not numbers:
+        raise lods.corrupt("has a leaf without levels in its tree, expected at least one")
+    nearest = next((number for number in numbers if number >= level), numbers[-1])
+    return lods.inner(str(nearest))
