@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Protocol
 
-from tsplat.io import ply
+from tsplat.io import ply, splat
 from tsplat.scene import Gaussians
 
 
@@ -47,7 +47,10 @@ class Format:
 HEAD_BYTES = 64
 """How much of a file `Format.matches` gets to see."""
 
-FORMATS = (Format("PLY", (".ply",), ply.matches, ply.read, ply.write),)
+FORMATS = (
+    Format("PLY", (".ply",), ply.matches, ply.read, ply.write),
+    Format("splat", (".splat",), splat.matches, splat.read, splat.write),
+)
 
 
 def find_format(head: bytes, suffix: str) -> Format | None:
