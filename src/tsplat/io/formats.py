@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Protocol
 
-from tsplat.io import ply, splat
+from tsplat.io import ksplat, ply, splat
 from tsplat.scene import Gaussians
 
 
@@ -49,6 +49,7 @@ HEAD_BYTES = 64
 
 FORMATS = (
     Format("PLY", (".ply",), ply.matches, ply.read, ply.write),
+    Format("ksplat", (".ksplat",), ksplat.matches, ksplat.read),
     Format("splat", (".splat",), splat.matches, splat.read, splat.write),
 )
 
