@@ -29,7 +29,8 @@ def load(
     Parameters
     ----------
     path : str or Path
-        A splat PLY: little-endian, big-endian or ASCII, SH degree 0 to 3.
+        A splat PLY (little-endian, big-endian, ASCII, or PlayCanvas' compressed PLY), .splat, .ksplat, SPZ, or SOG
+        (zipped, or a meta.json or lod-meta.json with its planes beside it); SH degree 0 to 3.
     max_splats : int, optional
         Keep at most this many, those with the largest opacity times area; by default all.
     raw_opacity : bool
@@ -58,7 +59,7 @@ def load(
         raise OptionError(f"max_splats must be 1 or more, got {max_splats}")
     path = Path(path)
     try:
-        known = find_format(_head(path), path.suffix)
+        known = find_format(_head(path), path.name)
         if known is None:
             names = ", ".join(f"{known.name} ({', '.join(known.suffixes)})" for known in FORMATS)
             raise LoadError(path, f"is of no known format, expected {names}; convert it first", 0)
@@ -85,7 +86,7 @@ def save(path: str | Path, gaussians: Gaussians) -> Path:
         The suffix names no format that can be written, or the folder cannot be written.
     """
     path = Path(path)
-    known = find_format(b"", path.suffix)
+    known = find_format(b"", path.name)
     if known is None or known.write is None:
         suffixes = ", ".join(suffix for known in FORMATS if known.write for suffix in known.suffixes)
         raise SaveError(f"{path}: suffix {path.suffix!r} is no format that can be written; use one of {suffixes}")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Protocol
 
-from tsplat.io import ply, sog, spz
+from tsplat.io import compressed_ply_write, ksplat, ply, sog, splat, spz
 from tsplat.scene import Gaussians
 
 
@@ -49,14 +49,18 @@ HEAD_BYTES = 64
 
 FORMATS = (
     Format("PLY", (".ply",), ply.matches, ply.read, ply.write),
+    Format("compressed PLY", (".compressed.ply",), ply.matches, ply.read, compressed_ply_write.write),
     Format("SOG", (".sog", ".json"), sog.matches, sog.read),
     Format("SPZ", (".spz",), spz.matches, spz.read, spz.write),
+    Format("ksplat", (".ksplat",), ksplat.matches, ksplat.read),
+    Format("splat", (".splat",), splat.matches, splat.read, splat.write),
 )
 
 
-def find_format(head: bytes, suffix: str) -> Format | None:
-    """Return the format of a file by its first bytes, then by its suffix, or None."""
+def find_format(head: bytes, name: str) -> Format | None:
+    """Return the format of a file by its first bytes, then by how its name ends, the longest first, or None."""
     for known in FORMATS:
         if known.matches(head):
             return known
-    return next((known for known in FORMATS if suffix.lower() in known.suffixes), None)
+    ends = [(len(suffix), known) for known in FORMATS for suffix in known.suffixes if name.lower().endswith(suffix)]
+    return max(ends, key=lambda end: end[0], default=(0, None))[1]

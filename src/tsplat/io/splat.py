@@ -1,0 +1,132 @@
+"""``.splat``: 32 bytes a splat and nothing else: no header, no magic, no view-dependent colours.
+
+Source: antimatter15/splat, whose ``convert.py`` set the record: position and linear scales in float32, then
+red, green, blue and opacity, then ``wxyz`` of the quat, a byte each. 128 is a zero of the quat, one is 128 more.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+import numpy.typing as npt
+
+from tsplat.errors import CorruptFileError
+from tsplat.io.finish import finish
+from tsplat.scene import Gaussians
+
+F32 = npt.NDArray[np.float32]
+U8 = npt.NDArray[np.uint8]
+
+RECORD = np.dtype([("means", "<f4", 3), ("scales", "<f4", 3), ("rgba", "u1", 4), ("quats", "u1", 4)])
+
+CHUNK = 1 << 16
+"""Splats decoded at a time: few enough to stay in the cache, enough for NumPy."""
+
+SH_C0 = 0.28209479177387814
+"""The constant basis of the spherical harmonics, 1 / (2 sqrt(pi))."""
+
+QUAT_STEPS = 128.0
+
+
+def matches(head: bytes) -> bool:  # noqa: ARG001
+    """Say that the first bytes tell nothing: the suffix has to."""
+    return False
+
+
+def read(
+    path: Path,
+    *,
+    max_splats: int | None,
+    raw_opacity: bool,  # noqa: ARG001
+    progress: Callable[[float], None],
+) -> Gaussians:
+    """Read a ``.splat``; see `tsplat.io.load` for the parameters.
+
+    Raises
+    ------
+    CorruptFileError
+        It is no whole number of records, or a scale is negative.
+    """
+    with path.open("rb") as file:
+        size = os.fstat(file.fileno()).st_size
+        if size % RECORD.itemsize:
+            problem = f"size: {size} bytes, expected a multiple of {RECORD.itemsize}; fetch it again"
+            raise CorruptFileError(path, problem, size - size % RECORD.itemsize)
+        count = size // RECORD.itemsize
+        means, quats, scales = (np.empty((count, width), np.float32) for width in (3, 4, 3))
+        opacities, sh = np.empty(count, np.float32), np.empty((count, 1, 3), np.float32)
+        for first in range(0, count, CHUNK):
+            records = np.fromfile(file, RECORD, min(CHUNK, count - first))
+            part = slice(first, first + len(records))
+            if len(records) < min(CHUNK, count - first):
+                problem = f"records: ends after {part.stop}, expected {count}; fetch it again"
+                raise CorruptFileError(path, problem, file.tell())
+            check_scales(path, records["scales"], first * RECORD.itemsize, RECORD, first)
+            means[part], scales[part] = records["means"], records["scales"]
+            quats[part] = (records["quats"].astype(np.float32) - QUAT_STEPS) / QUAT_STEPS
+            opacities[part], sh[part, 0] = decode_rgba(records["rgba"])
+            progress(part.stop / count)
+    with np.errstate(over="ignore", invalid="ignore"):  # a nan is dropped, and what a sum cannot hold with it
+        return finish(path, means, quats, scales, opacities, sh, max_splats=max_splats)
+
+
+def write(file: BinaryIO, gaussians: Gaussians) -> None:
+    """Write a ``.splat`` in the order of the scene, each value rounded to the nearest that a byte can hold.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for writing.
+    gaussians : Gaussians
+        The scene. What colours change with the view is left out, and a colour is cut to 0 to 1.
+    """
+    for first in range(0, len(gaussians), CHUNK):
+        part = slice(first, first + CHUNK)
+        records = np.empty(len(gaussians.means[part]), RECORD)
+        records["means"], records["scales"] = gaussians.means[part], gaussians.scales[part]
+        records["rgba"][:, :3] = _bytes((0.5 + SH_C0 * gaussians.sh[part, 0]) * 255.0)
+        records["rgba"][:, 3] = _bytes(gaussians.opacities[part] * 255.0)
+        records["quats"] = _bytes((gaussians.quats[part] + 1.0) * QUAT_STEPS)
+        file.write(records.tobytes())
+
+
+def decode_rgba(rgba: U8) -> tuple[F32, F32]:
+    """Return opacities [N] and the first coefficient of the colours [N, 3] of uint8 [N, 4]."""
+    values = rgba.astype(np.float32) / np.float32(255.0)
+    return values[:, 3], (values[:, :3] - np.float32(0.5)) / np.float32(SH_C0)
+
+
+def check_scales(path: Path, scales: F32, offset: int, record: np.dtype[np.void], index: int) -> None:
+    """Refuse a negative scale, which no encoder writes: the bytes are something else.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for the error.
+    scales : ndarray of float32, [N, 3]
+        As the file has them; nan is let through.
+    offset : int
+        Byte of the first of their records in the file.
+    record : dtype
+        Of one splat in the file.
+    index : int
+        Of the first of these splats.
+
+    Raises
+    ------
+    CorruptFileError
+        A scale is below zero.
+    """
+    negative = (scales < 0.0).any(axis=1)
+    if negative.any():
+        row = int(negative.argmax())
+        problem = f"scale of splat {index + row}: {scales[row].min():.6g}, expected 0 or more; fetch it again"
+        raise CorruptFileError(path, problem, offset + row * record.itemsize)
+
+
+def _bytes(values: F32) -> U8:
+    return np.rint(np.clip(values, 0.0, 255.0)).astype(np.uint8)
