@@ -62,5 +62,7 @@ def find_format(head: bytes, name: str) -> Format | None:
     for known in FORMATS:
         if known.matches(head):
             return known
-    ends = [(len(suffix), known) for known in FORMATS for suffix in known.suffixes if name.lower().endswith(suffix)]
+    ends = [
+        (len(suffix), known) for known in FORMATS for suffix in known.suffixes if name.lower().endswith(suffix)
+    ]
     return max(ends, key=lambda end: end[0], default=(0, None))[1]
