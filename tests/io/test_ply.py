@@ -329,9 +329,9 @@ def test_a_line_that_is_no_row_is_refused(tmp_path: Path, word: str, message: st
 
 
 OTHER_KINDS = {
-    "a compressed PLY": (
+    "a compressed PLY without chunks": (
         [("uint", "packed_position"), ("uint", "packed_color")],
-        "is a compressed PLY.*convert it",
+        "no element 'chunk'.*export the scene again",
     ),
     "a point cloud": (
         [("float", name) for name in ("x", "y", "z", "red")],

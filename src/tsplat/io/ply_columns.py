@@ -81,8 +81,8 @@ def _rest_names(path: Path, vertex: Element) -> list[str]:
 
 def _refuse_other_kinds(path: Path, vertex: Element) -> None:
     if "packed_position" in vertex.names:
-        problem = "is a compressed PLY (it has packed_position), which is not read here"
-        raise LoadError(path, f"{problem}; convert it to an ordinary splat PLY, e.g. with splat-transform")
+        problem = "has packed_position, but no element 'chunk' that says what it is packed in"
+        raise LoadError(path, f"{problem}; export the scene again")
     lists = [prop.name for prop in vertex.properties if prop.length_code]
     if lists:
         raise LoadError(path, f"vertex: property {ascii(lists[0])[:40]} is a list; export the scene without it")
