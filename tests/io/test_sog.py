@@ -339,6 +339,22 @@ def test_a_container_whose_image_is_larger_inside_is_refused(tmp_path: Path, rng
         load_bytes(tmp_path, sogs.zipped(files))
 
 
+def test_an_image_of_another_size_than_its_header_is_refused(
+    tmp_path: Path, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sog_planes, "_size", lambda *_: (5, 5))
+    with pytest.raises(CorruptFileError, match=r"is \(4, 2\) pixels inside, expected \(5, 5\)"):
+        load_bytes(tmp_path, made_up(rng).zipped())
+
+
+def test_zeros_in_a_zip_do_not_pay_for_splats(tmp_path: Path, rng: np.random.Generator) -> None:
+    scene = made_up(rng, count=10**6)
+    files = scene.files()
+    files["means_l.webp"] += bytes(1 << 20)
+    with pytest.raises(CorruptFileError, match=r"'means_l\.webp' holds \d{3,4} bytes, expected at least 62500"):
+        load_bytes(tmp_path, sogs.zipped(files, zipfile.ZIP_DEFLATED))
+
+
 @pytest.mark.parametrize(
     ("content", "message"),
     [
