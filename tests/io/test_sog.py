@@ -17,6 +17,7 @@ from tests.io.sogs import Scene, made_up, made_up_old, read_slowly, write_folder
 from tests.raster.compare import psnr
 from tests.scenes import shared_scenes
 from tsplat import io
+from tsplat._jit import JIT
 from tsplat.errors import CorruptFileError, LoadError, LoadWarning, OptionError, TsplatError
 from tsplat.framing import start_pose
 from tsplat.io import sog, sog_planes
@@ -339,6 +340,32 @@ def test_a_container_whose_image_is_larger_inside_is_refused(tmp_path: Path, rng
         load_bytes(tmp_path, sogs.zipped(files))
 
 
+def test_an_image_of_another_size_than_its_header_is_refused(
+    tmp_path: Path, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sog_planes, "_size", lambda *_: (5, 5))
+    with pytest.raises(CorruptFileError, match=r"is \(4, 2\) pixels inside, expected \(5, 5\)"):
+        load_bytes(tmp_path, made_up(rng).zipped())
+
+
+def test_zeros_in_a_zip_do_not_pay_for_splats(tmp_path: Path, rng: np.random.Generator) -> None:
+    scene = made_up(rng, count=10**6)
+    files = scene.files()
+    files["means_l.webp"] += bytes(1 << 20)
+    files["noise"] = rng.bytes(1 << 20)
+    with pytest.raises(CorruptFileError, match=r"'means_l\.webp' holds \d{3,4} bytes, expected at least 62500"):
+        load_bytes(tmp_path, sogs.zipped(files, zipfile.ZIP_DEFLATED))
+
+
+def test_sizes_in_a_zip_that_are_not_there_do_not_pay_for_splats(tmp_path: Path, rng: np.random.Generator) -> None:
+    whole = bytearray(made_up(rng, count=10**6).zipped())
+    entry = whole.rindex(b"means_l.webp") - 46
+    assert whole[entry : entry + 4] == b"PK\x01\x02"
+    whole[entry + 20 : entry + 28] = 2 * (1 << 24).to_bytes(4, "little")
+    with pytest.raises(CorruptFileError, match=r"'means_l\.webp' holds \d{4} bytes, expected at least 62500"):
+        load_bytes(tmp_path, bytes(whole))
+
+
 @pytest.mark.parametrize(
     ("content", "message"),
     [
@@ -404,6 +431,7 @@ def test_a_real_scene_agrees_with_its_ply(name: str, sh_degree: int) -> None:
     assert np.mean(off[:, 1:]) < 0.1 * np.mean(np.abs(before.sh[:, 1:]))
 
 
+@pytest.mark.skipif(not JIT, reason="thousands of splats take minutes without a compiler")
 @pytest.mark.skipif(SCENES is None, reason=NO_SCENES)
 @pytest.mark.parametrize(("name", "floor"), [("yashica", 36.0), ("playbot31k", 50.0)])
 def test_a_real_scene_looks_like_its_ply(name: str, floor: float) -> None:

@@ -89,6 +89,15 @@ def test_a_level_of_a_missing_file_is_a_load_error(tmp_path: Path) -> None:
         sog.read_level(tmp_path / "lod-meta.json", 0)
 
 
+def test_a_level_too_large_for_memory_says_how_to_keep_less(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def no_memory(*_: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr(sog, "read_splats", no_memory)
+    with pytest.raises(LoadError, match="keep a coarser level"):
+        sog.read_level(folder / "lod-meta.json", 0)
+
+
 def test_the_environment_belongs_to_every_level(folder: Path, tree: dict[str, Any]) -> None:
     path = write_tree(folder, {**tree, "environment": "sky.sog"})
     sky = io.load(folder / "sky.sog").means

@@ -73,6 +73,8 @@ def read_level(path: str | Path, level: int, *, max_splats: int | None = None) -
             return finish(path, *_read_any(path, level, lambda _: None), max_splats=max_splats)
     except OSError as error:
         raise LoadError(path, f"cannot be read: {error.strerror or error}; check the path") from error
+    except MemoryError as error:
+        raise LoadError(path, "needs more memory than there is; keep a coarser level") from error
 
 
 def _read_any(path: Path, level: int, progress: Callable[[float], None]) -> Splats:

@@ -24,7 +24,7 @@ class Files(Protocol):
     """What the rest of the reader sees of an archive or a folder."""
 
     def size(self, name: str) -> int:
-        """Return how many bytes the file has."""
+        """Return how many bytes the file takes, at most as many as are really there."""
 
     def read(self, name: str, limit: int) -> bytes:
         """Return the first ``limit`` bytes of the file, or all."""
@@ -86,7 +86,9 @@ class Archive:
         self._file.close()
 
     def size(self, name: str) -> int:
-        return self._find(name).file_size
+        entry = self._find(name)
+        # Zeros cost nothing in a zip, and its directory may say anything.
+        return min(entry.file_size, entry.compress_size, self.path.stat().st_size)
 
     def read(self, name: str, limit: int) -> bytes:
         entry = self._find(name)

@@ -91,6 +91,8 @@ def _quats(files: Files, meta: Meta) -> F32:
     if meta.count and largest.min() < QUAT_TAG:
         problem = f"has a fourth byte of {largest.min()}, expected {QUAT_TAG} to 255"
         raise files.corrupt(meta.quats, problem)
+    # splat-transform cuts to whole steps where it could round, half a step down on average. Every viewer
+    # shows it so, and other writers round: the specification's value is taken.
     small = (pixels[:, :3].astype(np.float32) / 255.0 - 0.5) * np.float32(np.sqrt(2.0))
     rest = np.sqrt(np.maximum(0.0, 1.0 - np.einsum("ni,ni->n", small, small)))
     quats = np.empty((meta.count, 4), np.float32)
