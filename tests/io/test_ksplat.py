@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import struct
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -87,6 +88,12 @@ def test_files_of_gaussforge_have_their_harmonics_by_channel(
     np.testing.assert_array_equal(found.sh[:, 1:], truth.sh[:, 1:])
 
 
+def test_only_uncompressed_files_are_taken_for_those_of_gaussforge(tmp_path: Path) -> None:
+    whole = small(1, 2)
+    found = load_bytes(tmp_path, patched(whole, 12, "<I", 0))
+    np.testing.assert_array_equal(found.sh, load_bytes(tmp_path, whole).sh)
+
+
 def test_what_a_file_leaves_open_is_what_the_viewer_takes(tmp_path: Path, rng: np.random.Generator) -> None:
     # No steps are written by hand either: 32767. No range of harmonics is -1.5 to 1.5.
     whole = ksplat(2, [Part(random_gaussians(rng, 1, 1), 1)])
@@ -161,6 +168,15 @@ def test_a_file_that_shrinks_while_it_is_read_is_refused(tmp_path: Path, monkeyp
 
     with pytest.raises(CorruptFileError, match="contents: end after 220 bytes, expected 440; fetch it again"):
         io.load(path, progress=cut)
+
+
+def test_a_file_that_shrinks_before_its_sections_are_read_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = small()
+    monkeypatch.setattr("tsplat.io.ksplat_header.os.fstat", lambda _: SimpleNamespace(st_size=len(whole)))
+    with pytest.raises(CorruptFileError, match="at byte 4096: section: header of 904 bytes, expected 1024"):
+        load_bytes(tmp_path, whole[:5000])
 
 
 def test_what_cannot_be_drawn_is_left_out_and_counted(tmp_path: Path) -> None:
