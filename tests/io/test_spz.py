@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import struct
 import warnings
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from tests.scenes import shared_scenes
 from tsplat import io
 from tsplat.errors import CorruptFileError, LoadError, LoadWarning, TsplatError
 from tsplat.io import spz
+from tsplat.io.formats import HEAD_BYTES
 from tsplat.scene import Gaussians
 
 VERSIONS = [1, 2, 3, 4]
@@ -122,6 +124,14 @@ def test_the_first_bytes_decide_before_the_suffix(tmp_path: Path) -> None:
         assert len(io.load(path)) == 5
     assert not spz.matches(zipped(b"ply\n"))
     assert not spz.matches(b"\x1f\x8b with no gzip behind it")
+
+
+def test_gzip_of_which_the_first_bytes_unpack_to_nothing_is_taken_for_spz(tmp_path: Path) -> None:
+    raw = zipped(bare(some_splats(3, 3, 200), 3, 3))
+    assert zlib.decompressobj(31).decompress(raw[:HEAD_BYTES]) == b""
+    path = tmp_path / "scene.ply"
+    path.write_bytes(raw)
+    assert len(io.load(path)) == 200
 
 
 def test_a_limit_keeps_the_weightiest_and_progress_grows_to_one(tmp_path: Path) -> None:
@@ -266,6 +276,10 @@ NEW_LIARS = {
     "frame of no size, short": (reframed(NO_SIZE.compress(bytes(44))), "means unpack to 44 bytes"),
     "frame of no size, long": (reframed(NO_SIZE.compress(bytes(10**7))), "means do not unpack"),
     "frame that promises much": (reframed(PLAIN.compress(bytes(10**7))), "means unpack to 10000000 bytes"),
+    "frame that promises all": (
+        reframed(b"\x28\xb5\x2f\xfd\xe0" + struct.pack("<Q", 2**50) + b"\x01\x00\x00"),
+        "means unpack to 1125899906842624 bytes, expected 45",
+    ),
     "two frames": (reframed(PLAIN.compress(bytes(45)) * 2), "means do not unpack"),
     "frame that is none": (reframed(b"no frame at all"), "means do not unpack"),
     "empty frame": (reframed(b""), "means do not unpack"),

@@ -60,6 +60,7 @@ def test_the_same_scene_makes_the_same_bytes(tmp_path: Path, rng: np.random.Gene
     scene = random_gaussians(rng, 20, 3)
     first, second = (io.save(tmp_path / name, scene).read_bytes() for name in ("a.spz", "b.spz"))
     assert first == second
+    assert first[3:8] == bytes(5), "neither a name nor a time is in the file"
     again = io.save(tmp_path / "c.spz", io.load(tmp_path / "a.spz")).read_bytes()
     assert gzip.decompress(again) == gzip.decompress(first)
 
