@@ -25,6 +25,7 @@ def test_what_cannot_be_drawn_is_left_out_with_a_warning(rng: np.random.Generato
     whole = random_gaussians(rng, 9, 1)
     means, quats, scales, opacities, sh = parts(whole)
     means[1, 2], quats[3], scales[4, 0], opacities[6], sh[7, 3, 1] = np.nan, 0.0, np.inf, np.nan, -np.inf
+    sh[7, 2, 0] = np.inf
     with pytest.warns(LoadWarning, match=r"scene\.x: dropped 5 of 9 splats"):
         found = finish(PATH, means, quats, scales, opacities, sh, max_splats=None)
     np.testing.assert_array_equal(found.means, whole.means[[0, 2, 5, 8]])

@@ -40,8 +40,9 @@ def finish(
     LoadWarning
         Splats with nan, inf or a zero quat were left out.
     """
-    lengths = np.linalg.norm(quats, axis=1)
-    sums = means.sum(1) + scales.sum(1) + opacities + sh.sum((1, 2))
+    with np.errstate(over="ignore", invalid="ignore"):  # what that makes is what is looked for
+        lengths = np.linalg.norm(quats, axis=1)
+        sums = means.sum(1) + scales.sum(1) + opacities + sh.sum((1, 2))
     good = np.isfinite(sums) & np.isfinite(lengths) & (lengths > 0)
     if dropped := len(good) - int(good.sum()):
         problem = f"dropped {dropped} of {len(good)} splats: nan, inf or a zero quat"
