@@ -82,6 +82,9 @@ def _read_any(path: Path, level: int, progress: Callable[[float], None]) -> Spla
         fields = read_fields(Folder(path), path.name)
         if is_streamed(fields):
             return _read_streamed(path.parent, fields, pieces_of_level(fields, level), progress)
+        if not fields.has("means"):
+            problem = "is JSON, but neither a meta.json nor a lod-meta.json of a SOG scene; choose another file"
+            raise LoadError(path, problem)
     if level:
         raise OptionError(f"level must be 0 in a scene that is not streamed, got {level}")
     return _read_one(path, progress)
