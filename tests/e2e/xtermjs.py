@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 import io
 import os
 import shutil
@@ -93,7 +94,8 @@ class XtermJs:
         self._browser.close()
 
     def _type(self, keys: bytes) -> None:
-        if not self._pty.closed:
+        # The page may answer what the program asked just before it was ended.
+        with contextlib.suppress(OSError):
             os.write(self._pty.fd, keys)
 
     def _show(self) -> None:

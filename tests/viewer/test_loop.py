@@ -190,6 +190,13 @@ def test_a_resize_draws_everything_from_nothing_even_at_the_same_size(tmp_path: 
     assert len(terminal.written) == 3
 
 
+def test_after_a_resize_sixel_is_drawn_again_once_the_terminal_has_settled(tmp_path: Path) -> None:
+    size = a_state().size
+    _, terminal = run(tmp_path, [Resize(size)], [], state=a_state(output="sixel"))
+    assert sum(b"\x1b[2J" in written for written in terminal.written) == 3
+    assert terminal.waits[-1] == REST_SECONDS
+
+
 def test_p_saves_under_a_new_name_each_time_and_says_where(tmp_path: Path) -> None:
     viewer, terminal = run(tmp_path, [Key("p")], [Key("P")])
     assert sorted(path.name for path in tmp_path.iterdir()) == ["tsplat-x-001.png", "tsplat-x-002.png"]

@@ -29,10 +29,15 @@ from tsplat.warmup import WarmUp
 
 FRAME_SECONDS = 1.0 / 60.0
 REST_SECONDS = 3600.0
+SETTLE_SECONDS = 0.3
+"""Some terminals drop pictures that come while they are busy with a new size: then it is drawn once more."""
+
 NOTICE_SECONDS = 0.2
 """A start that is quicker than this shows no notice."""
 
 ERASE_SCREEN = b"\x1b[2J"
+ONE_SEQUENCE = ("sixel", "iterm2")
+"""Outputs whose pictures are part of the screen: what clears that clears them."""
 STARTING = "starting"
 
 
@@ -92,6 +97,7 @@ class Viewer:
         self.pacer = pacer or Pacer()
         self.pieces: Iterator[bytes] | None = None
         self.next_frame = 0.0
+        self.settled: float | None = None
         self.screen: Screen | None = None
         self.intervals: deque[float] = deque(maxlen=20)
         self.last_start = 0.0
@@ -133,11 +139,15 @@ class Viewer:
 
     def step(self, now: float) -> float:
         """Send what is due; return how many seconds there is nothing to send, 0 when something was sent."""
+        if self.settled is not None and now >= self.settled:
+            self.settled, self.state = None, replace(self.state, screens=self.state.screens + 1)
         unfinished = self.screen is not None and self.screen.quality != FULL and not self.state.moving
         if not self.changed and not unfinished:
             self.rested |= not self.state.moving
             if self.state.moving:
                 return FRAME_SECONDS
+            if self.settled is not None:
+                return self.settled - now
             return STALL_SECONDS if self.pacer.waiting and self.pacer.due(now) else REST_SECONDS
         due = max(self.next_frame, self.pacer.due(now))
         if due > now:
@@ -165,6 +175,8 @@ class Viewer:
             if isinstance(event, Resize):
                 self.pacer.restart()  # the terminal may have been given back in between, answers and all
                 self.learn()
+                if self.state.output in ONE_SEQUENCE:
+                    self.settled = time.perf_counter() + SETTLE_SECONDS
             before, self.state = self.state, update(self.state, event)
             if self.state.pictures != before.pictures:
                 self.save_picture()
