@@ -10,7 +10,7 @@ from hypothesis import given
 from tests.encode.frames import U8, frames, gradient
 from tests.encode.screens import XTERM_COLORS, show
 from tsplat.encode import palette16
-from tsplat.encode.cells import HalfBlocks
+from tsplat.encode.cells import Cells
 from tsplat.encode.palette256 import nearest
 from tsplat.errors import OptionError
 
@@ -41,7 +41,7 @@ def nearest_256(frame: U8) -> U8:
 def test_a_terminal_shows_every_pixel(frame: U8) -> None:
     frame = np.repeat(frame, 2, axis=0)
     rows, columns = len(frame) // 2, frame.shape[1]
-    stream = HalfBlocks().encode(frame, columns, rows, (0, 0)).draw
+    stream = Cells("half").encode(frame, columns, rows, (0, 0)).draw
     assert np.array_equal(shown(show(stream, columns, rows), columns, rows), frame)
 
 
@@ -49,7 +49,7 @@ def test_a_terminal_shows_every_pixel(frame: U8) -> None:
 def test_a_terminal_with_256_colours_shows_the_nearest(frame: U8) -> None:
     frame = np.repeat(frame, 2, axis=0)
     rows, columns = len(frame) // 2, frame.shape[1]
-    stream = HalfBlocks(256).encode(frame, columns, rows, (0, 0)).draw
+    stream = Cells("half256").encode(frame, columns, rows, (0, 0)).draw
     pixels = shown(show(stream, columns, rows), columns, rows).astype(np.int64)
     error, best = (
         ((pixels - frame) ** 2).sum(axis=2),
@@ -79,7 +79,7 @@ def test_every_colour_of_a_fine_grid_gets_its_nearest_of_16() -> None:
 
 def test_a_picture_drawn_in_the_bottom_right_corner_stays_there_and_scrolls_nothing() -> None:
     frame = gradient(6, 8)
-    stream = HalfBlocks().encode(frame, 6, 4, (0, 0)).draw
+    stream = Cells("half").encode(frame, 6, 4, (0, 0)).draw
     screen = show(b"above\x1b[7;5H" + stream, 10, 10)
     assert np.array_equal(shown(screen, 6, 4, (4, 6)), frame)
     assert screen.display[0] == "above     "
@@ -89,17 +89,17 @@ def test_a_picture_drawn_in_the_bottom_right_corner_stays_there_and_scrolls_noth
 def test_a_frame_of_another_size_is_stretched_over_the_cells() -> None:
     blocks = np.zeros((2, 2, 3), np.uint8)
     blocks[0, 0], blocks[1, 1] = (255, 0, 0), (0, 0, 255)
-    larger = HalfBlocks().encode(blocks, 4, 2, (0, 0)).draw
+    larger = Cells("half").encode(blocks, 4, 2, (0, 0)).draw
     assert np.array_equal(shown(show(larger, 4, 2), 4, 2), blocks.repeat(2, axis=0).repeat(2, axis=1))
     checks = np.zeros((8, 8, 3), np.uint8)
     checks[::2, ::2] = checks[1::2, 1::2] = 200
-    smaller = HalfBlocks().encode(checks, 4, 2, (0, 0)).draw
+    smaller = Cells("half").encode(checks, 4, 2, (0, 0)).draw
     assert np.array_equal(shown(show(smaller, 4, 2), 4, 2), np.full((4, 4, 3), 100, np.uint8))
 
 
 @given(frames(12))
 def test_printed_lines_show_the_frame_and_reset_colours_before_each_line_feed(frame: U8) -> None:
-    lines = HalfBlocks().lines(frame)
+    lines = Cells("half").lines(frame)
     height, columns = frame.shape[:2]
     assert len(lines) == (height + 1) // 2
     assert all(line.endswith(b"\x1b[0m\n") and b"\n" not in line[:-1] for line in lines)
@@ -114,12 +114,12 @@ def test_printed_lines_show_the_frame_and_reset_colours_before_each_line_feed(fr
 
 def test_a_colour_is_sent_once_for_a_run_of_it() -> None:
     black = np.zeros((2, 50, 3), np.uint8)
-    assert HalfBlocks().lines(black) == [b"\x1b[38;2;0;0;0;48;2;0;0;0m" + "\u2580".encode() * 50 + b"\x1b[0m\n"]
+    assert Cells("half").lines(black) == [b"\x1b[38;2;0;0;0;48;2;0;0;0m" + "\u2580".encode() * 50 + b"\x1b[0m\n"]
 
 
 @pytest.mark.parametrize("colors", [256, 1 << 24])
 def test_the_bytes_are_the_ones_looked_at(colors: int, golden: Callable[[str, bytes], None]) -> None:
-    encoder = HalfBlocks(colors)
+    encoder = Cells("half256" if colors == 256 else "half", colors)
     golden(f"{encoder.name}.bin", encoder.encode(gradient(8, 6), 8, 3, (0, 0)).draw)
     golden(f"{encoder.name}_lines.bin", b"".join(encoder.lines(gradient(8, 5))))
 
@@ -127,6 +127,6 @@ def test_the_bytes_are_the_ones_looked_at(colors: int, golden: Callable[[str, by
 @pytest.mark.parametrize("shape", [(4, 4), (4, 4, 4), (0, 4, 3)])
 def test_what_is_no_frame_is_refused(shape: tuple[int, ...]) -> None:
     with pytest.raises(OptionError, match=r"frame must be uint8 \[H, W, 3\]"):
-        HalfBlocks().encode(np.zeros(shape, np.uint8), 4, 2, (0, 0))
+        Cells("half").encode(np.zeros(shape, np.uint8), 4, 2, (0, 0))
     with pytest.raises(OptionError, match=r"columns and rows"):
-        HalfBlocks().encode(gradient(2, 2), 0, 2, (0, 0))
+        Cells("half").encode(gradient(2, 2), 0, 2, (0, 0))

@@ -184,16 +184,3 @@ class Cells:
         end += len(before)
         self._text[end : end + len(behind)] = behind
         return self._text[: end + len(behind)].tobytes()
-
-
-class HalfBlocks(Cells):
-    """Encode frames as upper half blocks.
-
-    Parameters
-    ----------
-    colors : {16777216, 256, 16, 0}
-        How many colours the terminal has.
-    """
-
-    def __init__(self, colors: int = 1 << 24) -> None:
-        super().__init__("half256" if colors == 256 else "half", colors)
