@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
+import tracemalloc
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -16,7 +18,7 @@ from tests.io import sogs
 from tests.io.sogs import Scene, made_up, made_up_old, read_slowly, write_folder
 from tsplat import io
 from tsplat.errors import CorruptFileError, LoadError, LoadWarning, OptionError, TsplatError
-from tsplat.io import sog_planes
+from tsplat.io import sog_json, sog_planes
 from tsplat.scene import Gaussians
 
 
@@ -358,6 +360,33 @@ def test_sizes_in_a_zip_that_are_not_there_do_not_pay_for_splats(tmp_path: Path,
     whole[entry + 20 : entry + 28] = 2 * (1 << 24).to_bytes(4, "little")
     with pytest.raises(CorruptFileError, match=r"'means_l\.webp' holds \d{4} bytes, expected at least 62500"):
         load_bytes(tmp_path, bytes(whole))
+
+
+def peak_bytes(path: Path) -> int:
+    """Return how much Python allocates at most while a scene is loaded or refused."""
+    tracemalloc.start()
+    with contextlib.suppress(LoadError):
+        io.load(path)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    return peak
+
+
+def test_a_small_meta_in_a_folder_takes_no_room_for_the_largest(tmp_path: Path, rng: np.random.Generator) -> None:
+    assert peak_bytes(write_folder(tmp_path, made_up(rng).files())) < sog_json.JSON_BYTES / 2
+
+
+def test_a_packed_size_beyond_the_end_of_a_zip_takes_no_room(tmp_path: Path, rng: np.random.Generator) -> None:
+    whole = bytearray(made_up(rng).zipped())
+    entry = whole.rindex(b"meta.json") - 46
+    whole[entry + 20 : entry + 28] = 2 * (1 << 30).to_bytes(4, "little")
+    path = tmp_path / "scene.sog"
+    path.write_bytes(whole)
+    with pytest.raises(
+        CorruptFileError, match=r"'meta\.json' takes 1073741824 bytes by the zip's directory, \d{4} are"
+    ):
+        io.load(path)
+    assert peak_bytes(path) < sog_json.JSON_BYTES / 2
 
 
 @pytest.mark.parametrize(
