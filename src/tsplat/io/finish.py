@@ -51,7 +51,7 @@ def finish(
         Splats with nan, inf or a zero quat were left out.
     """
     with np.errstate(over="ignore", invalid="ignore"):  # what that makes is what is looked for
-        lengths = np.linalg.norm(quats, axis=1)
+        lengths = np.sqrt(np.einsum("ij,ij->i", quats, quats, dtype=np.float64))  # squares leave float32 soon
         sums = means.sum(1) + scales.sum(1) + opacities + sh.sum((1, 2))
     good = np.isfinite(sums) & np.isfinite(lengths) & (lengths > 0)
     if dropped := len(good) - int(good.sum()):
@@ -64,4 +64,5 @@ def finish(
     if not good.all():
         means, quats, scales, opacities, sh = (part[good] for part in (means, quats, scales, opacities, sh))
         lengths = lengths[good]
-    return Gaussians(means, quats / lengths[:, None], scales, opacities, sh, antialiased)
+    unit = np.divide(quats, lengths[:, None], out=np.empty_like(quats), casting="same_kind")
+    return Gaussians(means, unit, scales, opacities, sh, antialiased)
