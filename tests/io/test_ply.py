@@ -220,6 +220,8 @@ def test_a_file_that_shrinks_while_it_is_read_is_refused(tmp_path: Path) -> None
         io.load(path, progress=cut)
 
 
+BELLS = "\a" * 999
+
 HEADER_FAULTS: dict[str, tuple[Callable[[str], str], str]] = {
     "no end_header": (lambda text: text.replace("end_header\n", ""), "no end_header"),
     "no format": (lambda text: text.replace("format binary_little_endian 1.0\n", ""), "no format line"),
@@ -245,6 +247,10 @@ HEADER_FAULTS: dict[str, tuple[Callable[[str], str], str]] = {
         "3 'vertex' need at least 168 bytes",
     ),
     "unknown type": (lambda text: text.replace("float x", "half x"), "'half x' of 'vertex', expected a type"),
+    "names of bells": (
+        lambda text: text.replace("end_", f"element {BELLS} 0\nproperty {BELLS} x\nend_"),
+        r"property '(\\x07){13}\\x0\.\.\.' of '(\\x07){13}",
+    ),
     "list of unknown type": (lambda text: text.replace("float x", "list uchar half x"), "expected a type"),
     "list with a fractional length": (lambda text: text.replace("float x", "list float int x"), "expected a type"),
     "twice the same property": (

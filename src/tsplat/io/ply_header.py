@@ -181,4 +181,5 @@ def _with_property(element: Element, words: list[str], fault: _Fault) -> Element
 
 def _shown(text: str) -> str:
     # Names come from the file: quoted, with control characters escaped, and never longer than a line.
-    return ascii(text if len(text) <= 60 else text[:57] + "...")
+    shown = ascii(text)
+    return shown if len(shown) <= 60 else f"{shown[:56]}...{shown[0]}"
