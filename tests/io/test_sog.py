@@ -278,7 +278,7 @@ def test_a_plane_in_a_folder_below_is_inside(tmp_path: Path, rng: np.random.Gene
         (b'{"a":' + b"[" * 100_000, "is not JSON"),
         (b"\xff\xfe\x00", "is not JSON"),
         (b'{"a": ' + b"1" * 5000 + b"}", "is not JSON"),
-        (b" " * (1 << 24) + b"{}", "holds more than 16777216 bytes"),
+        (b" " * (1 << 18) + b"{}", "holds more than 262144 bytes"),
         (b"{}", "field means is missing"),
     ],
 )
@@ -374,6 +374,14 @@ def peak_bytes(path: Path) -> int:
 
 def test_a_small_meta_in_a_folder_takes_no_room_for_the_largest(tmp_path: Path, rng: np.random.Generator) -> None:
     assert peak_bytes(write_folder(tmp_path, made_up(rng).files())) < sog_json.JSON_BYTES / 2
+
+
+def test_a_meta_packed_to_nothing_is_not_unpacked_to_millions_of_lists(tmp_path: Path) -> None:
+    text = b'{"means": [' + b"[]," * 5_000_000 + b"0]}"
+    path = tmp_path / "scene.sog"
+    path.write_bytes(sogs.zipped({"meta.json": text}, zipfile.ZIP_DEFLATED))
+    assert path.stat().st_size < 20_000
+    assert peak_bytes(path) < 4_000_000
 
 
 def test_a_packed_size_beyond_the_end_of_a_zip_takes_no_room(tmp_path: Path, rng: np.random.Generator) -> None:

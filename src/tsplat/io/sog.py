@@ -16,7 +16,7 @@ from tsplat.errors import CorruptFileError, LoadError, OptionError
 from tsplat.io.finish import finish
 from tsplat.io.options import LoadOptions
 from tsplat.io.sog_files import ZIP_MAGICS, Archive, Folder
-from tsplat.io.sog_json import Fields, read_fields
+from tsplat.io.sog_json import META_BYTES, Fields, read_fields
 from tsplat.io.sog_lod import Piece, Run, is_streamed, pieces_of_level
 from tsplat.io.sog_meta import parse_meta
 from tsplat.io.sog_splats import Splats, read_splats
@@ -99,7 +99,7 @@ def _joined(parts: list[Splats]) -> Splats:
 def _read_one(path: Path, progress: Callable[[float], None]) -> Splats:
     if _begins_as_zip(path):
         with Archive(path) as archive:
-            return read_splats(archive, parse_meta(read_fields(archive, META_NAME)), progress)
+            return read_splats(archive, parse_meta(read_fields(archive, META_NAME, META_BYTES)), progress)
     folder = Folder(path)
     return read_splats(folder, parse_meta(read_fields(folder, path.name)), progress)
 
