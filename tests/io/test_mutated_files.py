@@ -1,0 +1,65 @@
+"""Thousands of broken files of every format: each is a scene, or one line that says what is wrong with it."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+from random import Random
+from typing import NoReturn
+
+import pytest
+
+from tests.io.honest_files import HONEST, Files, written
+from tests.io.mutants import mutant
+from tests.io.outcomes import OPTIONS, limited_growth, outcome, within_memory
+
+MUTANTS, MUTANTS_OF_SOG = 120, 60
+"""Of each honest file; a SOG takes ten times as long as any other."""
+
+TRACED = 4
+"""Of so many mutants the memory of one is measured, which takes most of the time."""
+
+BATCH_SECONDS = 60
+"""A batch takes a second; a file that keeps a reader for so long would keep it for ever."""
+
+ROOM_BYTES = 1 << 28
+"""What the process may grow by: far above what any of these files needs, far below what they promise."""
+
+
+def mutated(name: str, number: int) -> Files:
+    """Return the files of a scene of which one is damaged."""
+    random = Random(f"{name} {number}")
+    files = HONEST[name]
+    chosen = random.choice(list(files))
+    return {**files, chosen: mutant(random, files[chosen], list(files.values()))}
+
+
+@pytest.fixture
+def bounded() -> Iterator[None]:
+    """Let memory that is asked for by mistake be refused, and a reader that hangs fail."""
+
+    def hang(*_: object) -> NoReturn:
+        pytest.fail(f"a reader was still busy after {BATCH_SECONDS} seconds")
+
+    handler = signal.signal(signal.SIGALRM, hang)
+    signal.alarm(BATCH_SECONDS)
+    with limited_growth(ROOM_BYTES):
+        yield
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, handler)
+
+
+@pytest.mark.usefixtures("bounded")
+@pytest.mark.parametrize("name", HONEST)
+def test_a_damaged_file_is_a_scene_or_one_line_that_says_why_not(tmp_path: Path, name: str) -> None:
+    honest = outcome(written(tmp_path, HONEST[name]))
+    assert honest is not None
+    loaded, count = 0, MUTANTS_OF_SOG if name.startswith("SOG") else MUTANTS
+    for number in range(count):
+        path, options = written(tmp_path, mutated(name, number)), OPTIONS[number // TRACED % len(OPTIONS)]
+        if number % TRACED:
+            loaded += outcome(path, **options) is not None
+        else:
+            loaded += within_memory(path, honest.nbytes, **options) is not None
+    assert 3 < loaded < count - 3, "they are neither all broken nor all harmless"
