@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.io.outcomes import within_memory
 from tests.io.plys import (
     FORMATS,
     STRUCT_CODES,
@@ -270,6 +271,10 @@ HEADER_FAULTS: dict[str, tuple[Callable[[str], str], str]] = {
         lambda text: text.replace("end_", "property float f_rest_0\nend_"),
         "1 properties f_rest_.*, expected",
     ),
+    "too many elements": (
+        lambda text: text.replace("end_", "".join(f"element e{i} 0\n" for i in range(100)) + "end_"),
+        "more than 100 elements",
+    ),
     "too many properties": (
         lambda text: text.replace("end_", "".join(f"property char c{i}\n" for i in range(1000)) + "end_"),
         "more than 1000 properties",
@@ -332,6 +337,15 @@ def test_a_line_that_is_no_row_is_refused(tmp_path: Path, word: str, message: st
     lines = ply_bytes([splats([one_splat(x=7.5), one_splat()])], "ascii").decode().replace("7.5", word)
     with pytest.raises(CorruptFileError, match=message):
         load_bytes(tmp_path, lines.encode())
+
+
+def test_a_number_of_many_digits_takes_no_room_from_the_others(tmp_path: Path) -> None:
+    rows = splats([one_splat(x=7.5), *[one_splat()] * 199])
+    path = tmp_path / "scene.ply"
+    path.write_bytes(ply_bytes([rows], "ascii").replace(b"7.5", b"7.5" + b"0" * 100_000))
+    gaussians = within_memory(path, 0)
+    assert gaussians is not None
+    assert gaussians.means[0, 0] == 7.5
 
 
 OTHER_KINDS = {

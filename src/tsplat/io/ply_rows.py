@@ -130,7 +130,8 @@ def _text_rows(file: BinaryIO, path: Path, element: Element) -> Iterator[F32]:
             lines.append(words)
         try:
             with np.errstate(over="ignore", invalid="ignore"):
-                yield np.array(lines, np.bytes_).astype(np.float64).astype(np.float32)
+                # One by one: an array of words would give each the room of the longest.
+                yield np.array([[*map(float, words)] for words in lines]).astype(np.float32)
         except ValueError as error:
             problem = f"rows {first} to {first + len(lines) - 1} of {element.name!a} hold a word that is no number"
             raise CorruptFileError(path, f"{problem}; the file is damaged, fetch it again", start) from error
