@@ -190,6 +190,10 @@ def drop(key: str) -> Callable[[dict[str, Any]], None]:
 META_FAULTS: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
     "another version": (change("version", to=3), "field version is 3, expected a whole number from 1 to 2"),
     "a version in words": (change("version", to="2"), "field version is '2', expected"),
+    "a version that would change a terminal": (
+        change("version", to="\x1b]0;\x07"),
+        r"is '\\x1b\]0;\\x07', expected",
+    ),
     "no count": (drop("count"), "field count is missing, expected a whole number"),
     "a negative count": (change("count", to=-1), "field count is -1, expected"),
     "a count with a fraction": (change("count", to=7.0), "field count is 7.0, expected"),

@@ -132,6 +132,10 @@ FAULTS: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
         lambda tree: tree.update(environment="/sky.sog"),
         "field environment is '/sky.sog', expected the name of a file inside",
     ),
+    "names that would change a terminal": (
+        lambda tree: tree.update(filenames=["\x1b]0;\x07", "b", "c"]),
+        r"field filenames is \['\\x1b\]0;\\x07', .*names of files inside",
+    ),
     "names that are no list": (lambda tree: tree.update(filenames="abc"), "field filenames is 'abc'"),
     "a file that is missing": (
         lambda tree: tree.update(filenames=["a/meta.json", "b/meta.json", "d/meta.json"]),
