@@ -7,6 +7,7 @@ The first word is a target, the rest is libFuzzer's. Inputs are whole files; tho
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import io
 import sys
@@ -19,6 +20,7 @@ from random import Random
 import atheris
 
 with atheris.instrument_imports(include=["tsplat.io"]):
+    from tests.io.containers import BROKEN
     from tests.io.honest_files import HONEST, Files, written
     from tests.io.mutants import mutant
     from tests.io.outcomes import OPTIONS, limited_growth, outcome, within_memory
@@ -49,7 +51,7 @@ def main() -> None:
     name, *arguments = sys.argv[1:]
     seeds = [HONEST[kind] for kind in TARGETS[name]]
     inputs = [_packed(files) for files in seeds]
-    corpora = [Path(word) for word in arguments if not word.startswith("-")]
+    corpora = [Path(word) for word in arguments if not word.startswith("-") and not Path(word).is_file()]
     for raw in inputs if corpora else []:
         corpora[0].mkdir(parents=True, exist_ok=True)
         (corpora[0] / hashlib.sha1(raw).hexdigest()).write_bytes(raw)
@@ -82,11 +84,9 @@ def _packed(files: Files) -> bytes:
 def _unpacked(raw: bytes, seed: Files) -> Files | None:
     if len(seed) == 1:
         return dict.fromkeys(seed, raw)
-    try:
-        with zipfile.ZipFile(io.BytesIO(raw)) as archive:
-            return {name: archive.read(name) if name in archive.NameToInfo else b"" for name in seed}
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, ValueError, EOFError, OSError):
-        return None
+    with contextlib.suppress(*BROKEN), zipfile.ZipFile(io.BytesIO(raw)) as archive:
+        return {name: archive.read(name) if name in archive.NameToInfo else b"" for name in seed}
+    return None
 
 
 if __name__ == "__main__":
