@@ -7,6 +7,7 @@ camera in the world (the columns of ``rotation`` are the camera's axes), and foc
 from __future__ import annotations
 
 import json
+import os
 import statistics
 import warnings
 from dataclasses import dataclass
@@ -57,7 +58,8 @@ def load_cameras(path: str | Path) -> list[TrainingCamera]:
     path = Path(path)
     try:
         with path.open("rb") as file:
-            text = file.read(MAX_BYTES + 1)
+            # As much as is asked for would be allocated at once.
+            text = file.read(min(MAX_BYTES, os.fstat(file.fileno()).st_size) + 1)
     except OSError as error:
         raise LoadError(path, f"cannot be read: {error.strerror or error}; check the path") from error
     if len(text) > MAX_BYTES:
@@ -69,7 +71,8 @@ def load_cameras(path: str | Path) -> list[TrainingCamera]:
         raise CorruptFileError(path, "is not JSON, expected a list of cameras; export it again", offset) from error
     if not isinstance(entries, list):
         raise CorruptFileError(path, f"holds a JSON {type(entries).__name__}, expected a list of cameras")
-    return [_camera(path, index, entry) for index, entry in enumerate(entries)]
+    with np.errstate(over="ignore", invalid="ignore"):  # what that makes is no rotation, and refused
+        return [_camera(path, index, entry) for index, entry in enumerate(entries)]
 
 
 def train_focal_beside(scene_path: str | Path) -> float | None:
