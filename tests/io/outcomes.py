@@ -5,16 +5,18 @@ from __future__ import annotations
 import resource
 import tracemalloc
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from tsplat import io
 from tsplat.errors import LoadError, LoadWarning
 from tsplat.scene import Gaussians
+
+T = TypeVar("T")
 
 LINE_CHARS = 600
 """Longer lines are no message any more; only the names of all formats take so much."""
@@ -46,23 +48,30 @@ def limited_growth(most: int) -> Iterator[None]:
 
 def outcome(path: Path, **options: Any) -> Gaussians | None:
     """Return the scene of a file, or None where it is refused; anything else fails."""
-    gaussians = None
+    gaussians = read_or_refused(path, lambda: io.load(path, **options))
+    if gaussians is not None:
+        # `Gaussians` checks shapes and ranges itself; that quats are unit is its readers' word.
+        lengths = np.linalg.norm(gaussians.quats.astype(np.float64), axis=1)
+        assert np.all(np.abs(lengths - 1.0) < 1e-4), lengths
+    return gaussians
+
+
+def read_or_refused(path: Path, read: Callable[[], T]) -> T | None:
+    """Return what was read from a file, or None where one printable line says why not; anything else fails."""
+    found, lines = None, []
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
-            gaussians = io.load(path, **options)
+            found = read()
         except LoadError as error:
-            lines = [str(error)]
-            assert "more memory than there is" not in lines[0], "memory was asked for before the file was checked"
-        else:
-            lines = []
-            _check(gaussians)
+            lines.append(str(error))
     assert {warning.category for warning in caught} <= {LoadWarning}, [str(each.message) for each in caught]
     for line in lines + [str(warning.message) for warning in caught]:
         assert line.isprintable(), line
         assert path.name in line or path.parent.name in line, line
         assert len(line) < LINE_CHARS + len(str(path)), line
-    return gaussians
+        assert "more memory than there is" not in line, "memory was asked for before the file was checked"
+    return found
 
 
 def within_memory(path: Path, honest_bytes: int, **options: Any) -> Gaussians | None:
@@ -79,9 +88,3 @@ def within_memory(path: Path, honest_bytes: int, **options: Any) -> Gaussians | 
     largest = max(honest_bytes, gaussians.nbytes if gaussians else 0)
     assert peak <= 4 * largest + SPARE_BYTES, f"{peak} bytes for a scene of {largest}"
     return gaussians
-
-
-def _check(gaussians: Gaussians) -> None:
-    # `Gaussians` checks shapes and ranges itself; that quats are unit is its readers' word.
-    lengths = np.linalg.norm(gaussians.quats.astype(np.float64), axis=1)
-    assert np.all(np.abs(lengths - 1.0) < 1e-4), lengths

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import signal
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,7 +13,8 @@ import pytest
 
 from tests.io.honest_files import HONEST, Files, written
 from tests.io.mutants import mutant
-from tests.io.outcomes import OPTIONS, limited_growth, outcome, within_memory
+from tests.io.outcomes import OPTIONS, limited_growth, outcome, read_or_refused, within_memory
+from tsplat import io
 
 MUTANTS, MUTANTS_OF_SOG = 120, 60
 """Of each honest file; a SOG takes ten times as long as any other."""
@@ -63,3 +65,15 @@ def test_a_damaged_file_is_a_scene_or_one_line_that_says_why_not(tmp_path: Path,
         else:
             loaded += within_memory(path, honest.nbytes, **options) is not None
     assert 3 < loaded < count - 3, "they are neither all broken nor all harmless"
+
+
+@pytest.mark.usefixtures("bounded")
+def test_a_damaged_list_of_cameras_is_one_or_a_line_that_says_why_not(tmp_path: Path) -> None:
+    axes = [[0, 0, 1], [0, 1, 0], [-1, 0, 0]]
+    place = {"width": 640, "height": 480, "position": [1, 2, 3], "rotation": axes, "fx": 500.0, "fy": 510.0}
+    text = json.dumps([{"id": index, "img_name": "one", **place} for index in range(2)]).encode()
+    path, read = tmp_path / "cameras.json", 0
+    for number in range(4 * MUTANTS):
+        path.write_bytes(mutant(Random(number), text))
+        read += read_or_refused(path, lambda: io.load_cameras(path)) is not None
+    assert 10 < read < 4 * MUTANTS - 10
