@@ -16,7 +16,6 @@ from tests.scenes import random_gaussians
 from tsplat import io
 from tsplat.errors import CorruptFileError, LoadError, LoadWarning
 from tsplat.importance import importance
-from tsplat.io import ksplat as module
 from tsplat.io.splat import SH_C0
 from tsplat.scene import Gaussians
 
@@ -67,7 +66,7 @@ def test_every_level_and_degree_means_what_was_packed(
 def test_sections_follow_each_other_each_with_its_buckets_and_its_degree(
     tmp_path: Path, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch, level: int
 ) -> None:
-    monkeypatch.setattr(module, "CHUNK", 3)
+    monkeypatch.setattr("tsplat.io.arrays.CHUNK", 3)
     scenes = [random_gaussians(rng, count, degree) for count, degree in ((8, 1), (11, 2), (1, 0))]
     parts = [Part(scenes[0], 4), Part(scenes[1], 3, (2,)), Part(scenes[2], 256, (1,))]
     found = load_bytes(tmp_path, ksplat(level, parts, room=2))
@@ -158,7 +157,7 @@ def test_harmonics_in_bytes_need_a_range_of_numbers(tmp_path: Path) -> None:
 
 
 def test_a_file_that_shrinks_while_it_is_read_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "CHUNK", 10)
+    monkeypatch.setattr("tsplat.io.arrays.CHUNK", 10)
     path = tmp_path / "scene.ksplat"
     path.write_bytes(ksplat(0, [Part(random_gaussians(np.random.default_rng(5), 1000, 0))]))
 
@@ -197,7 +196,7 @@ def test_a_limit_keeps_the_weightiest_in_file_order(tmp_path: Path, rng: np.rand
 
 
 def test_progress_grows_to_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "CHUNK", 3)
+    monkeypatch.setattr("tsplat.io.arrays.CHUNK", 3)
     path = tmp_path / "scene.ksplat"
     seen: list[float] = []
     path.write_bytes(small(count=11))

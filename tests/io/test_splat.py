@@ -41,7 +41,7 @@ def test_a_quat_is_wxyz_about_128(tmp_path: Path) -> None:
 
 
 def test_chunks_join_without_a_seam(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(splat, "CHUNK", 3)
+    monkeypatch.setattr("tsplat.io.arrays.CHUNK", 3)
     gaussians = random_gaussians(np.random.default_rng(2), 10, 0)
     seen: list[float] = []
     found = io.load(io.save(tmp_path / "scene.splat", gaussians), progress=seen.append)
@@ -62,7 +62,7 @@ def test_a_file_cut_inside_a_record_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_file_that_shrinks_while_it_is_read_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(splat, "CHUNK", 1000)
+    monkeypatch.setattr("tsplat.io.arrays.CHUNK", 1000)
     path = tmp_path / "scene.splat"
     path.write_bytes(record() * 100_000)
 
