@@ -1,4 +1,4 @@
-"""Rows of a splat PLY to the arrays of `Gaussians`: exp and sigmoid; values that those would hide are marked by nan."""
+"""Rows of a splat PLY to the arrays of `Gaussians`: exp and sigmoid; what those would hide becomes nan."""
 
 from __future__ import annotations
 
