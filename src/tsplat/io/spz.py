@@ -14,6 +14,7 @@ from typing import BinaryIO, Literal
 from tsplat.errors import CorruptFileError, LoadWarning
 from tsplat.io.finish import finish
 from tsplat.io.spz_decode import (
+    F32,
     decode_first_three,
     decode_fixed,
     decode_half,
@@ -79,23 +80,12 @@ def read(
     LoadWarning
         The file says more than is read here, or splats were left out.
     """
-    header, take = _open(path, path.read_bytes())
-    streams = {}
-    for number, (name, size) in enumerate(header.streams.items(), 1):
-        streams[name] = take(name, size)
-        progress(0.8 * number / len(header.streams))
+    header, (means, quats, scales, opacities, sh) = unpack(path, path.read_bytes(), progress)
     if header.flags & ~ANTIALIASED:
         problem = f"flags {header.flags:#x} announce extensions, which were not read"
         warnings.warn(f"{path}: {problem}; the scene may be meant otherwise", LoadWarning, stacklevel=3)
-    if header.version == 1:
-        means = decode_half(streams["means"])
-    else:
-        means = decode_fixed(streams["means"], header.fractional_bits)
-    quats = (decode_first_three if header.version < 3 else decode_smallest_three)(streams["quats"])
-    sh = decode_sh(streams["colours"], streams["sh"], REST_COEFFICIENTS[header.sh_degree])
     if frame == "rub":
         half_turn(means, quats, sh)
-    scales, opacities = decode_scales(streams["scales"]), decode_opacities(streams["opacities"])
     gaussians = finish(path, means, quats, scales, opacities, sh, max_splats=max_splats)
     progress(1.0)
     return gaussians
@@ -119,6 +109,31 @@ def write(file: BinaryIO, gaussians: Gaussians) -> None:
     from tsplat.io.spz_encode import write_spz
 
     write_spz(file, gaussians)
+
+
+def unpack(
+    path: Path, raw: bytes, progress: Callable[[float], None]
+) -> tuple[Header, tuple[F32, F32, F32, F32, F32]]:
+    """Return the header of a whole SPZ, and means, quats, scales, opacities and sh in its own axes.
+
+    Raises
+    ------
+    LoadError
+        As for `read`.
+    """
+    header, take = _open(path, raw)
+    streams = {}
+    for number, (name, size) in enumerate(header.streams.items(), 1):
+        streams[name] = take(name, size)
+        progress(0.8 * number / len(header.streams))
+    if header.version == 1:
+        means = decode_half(streams["means"])
+    else:
+        means = decode_fixed(streams["means"], header.fractional_bits)
+    quats = (decode_first_three if header.version < 3 else decode_smallest_three)(streams["quats"])
+    scales, opacities = decode_scales(streams["scales"]), decode_opacities(streams["opacities"])
+    sh = decode_sh(streams["colours"], streams["sh"], REST_COEFFICIENTS[header.sh_degree])
+    return header, (means, quats, scales, opacities, sh)
 
 
 def _open(path: Path, raw: bytes) -> tuple[Header, Take]:
