@@ -262,8 +262,7 @@ def test_drafts_have_other_names_and_colours_of_points(
 
 def packed(name: str, inside: bool, version: int = 2) -> Made:
     splats = [
-        Splat((index * 100, 50, -20), quat=(index % 4, 90, -80, 70)[: 3 + version // 3], sh=list(range(100, 109)))
-        for index in range(5)
+        Splat((index * 100, 50, -20), quat=(index % 4, 90, 80, 70), sh=list(range(100, 109))) for index in range(5)
     ]
     made = Made()
     extension = {name: {"bufferView": made.view(zipped(bare(splats, version, 1)))}}
@@ -300,9 +299,7 @@ def to_srgb(linear: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 def test_linear_colours_are_shown_as_srgb(tmp_path: Path, rng: np.random.Generator) -> None:
     before = random_gaussians(rng, 60, 1)
-    made = scene_of(
-        Gaussians(*(getattr(before, name) for name in ("means", "quats", "scales", "opacities")), before.sh)
-    )
+    made = scene_of(before)
     splatting = made.root["meshes"][0]["primitives"][0]["extensions"][EXTENSION]
     splatting["colorSpace"] = "lin_rec709_display"
     found = load_made(tmp_path, made)

@@ -18,8 +18,8 @@ from tsplat.io.finish import finish
 from tsplat.io.gltf_document import MAGIC, Document, open_document
 from tsplat.io.gltf_nodes import placed_meshes
 from tsplat.io.gltf_primitives import EXTENSION, Primitive, find_primitives
-from tsplat.io.gltf_transform import move
-from tsplat.io.sog_splats import Splats
+from tsplat.io.gltf_transform import Arrays, move
+from tsplat.io.options import LoadOptions
 from tsplat.scene import Gaussians
 
 HALF_TURN = np.diag([-1.0, -1.0, 1.0, 1.0])
@@ -37,13 +37,7 @@ def matches_json(head: bytes) -> bool:
     return head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"{")
 
 
-def read(
-    path: Path,
-    *,
-    max_splats: int | None,
-    raw_opacity: bool,  # noqa: ARG001
-    progress: Callable[[float], None],
-) -> Gaussians:
+def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) -> Gaussians:
     """Read the splats that the scene of a glTF shows; see `tsplat.io.load` for the parameters.
 
     Raises
@@ -67,7 +61,8 @@ def read(
         problems.add(f"{outside.sum()} of {len(outside)} opacities lay outside 0 to 1 and were clamped")
     for problem in sorted(problems):
         warnings.warn(f"{path}: {problem}", LoadWarning, stacklevel=3)
-    return finish(path, *splats, max_splats=max_splats)
+    antialiased = all(primitive.antialiased for primitive, _ in placed)
+    return finish(path, *splats, max_splats=options.max_splats, antialiased=antialiased)
 
 
 def _find(document: Document) -> tuple[list[Placed], set[str]]:
@@ -84,14 +79,14 @@ def _find(document: Document) -> tuple[list[Placed], set[str]]:
     return placed, problems
 
 
-def _read_all(placed: list[Placed], progress: Callable[[float], None]) -> Splats:
+def _read_all(placed: list[Placed], progress: Callable[[float], None]) -> Arrays:
     count = sum(primitive.count for primitive, _ in placed)
     k = max(primitive.coefficients for primitive, _ in placed)
     shapes = ((count, 3), (count, 4), (count, 3), (count,), (count, k, 3))
-    splats = Splats(*(np.empty(shape, np.float32) for shape in shapes))
+    splats = Arrays(*(np.empty(shape, np.float32) for shape in shapes))
     first = 0
     for primitive, matrix in placed:
-        part = Splats(*(each[first : first + primitive.count] for each in splats))
+        part = Arrays(*(each[first : first + primitive.count] for each in splats))
         part.sh[:, primitive.coefficients :] = 0.0
         part = part._replace(sh=part.sh[:, : primitive.coefficients])
         primitive.fill(part)

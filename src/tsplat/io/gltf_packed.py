@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from tsplat.errors import LoadError
 from tsplat.io.gltf_document import Document
+from tsplat.io.gltf_transform import Arrays
 from tsplat.io.sog_json import Fields
-from tsplat.io.sog_splats import Splats
 from tsplat.io.spz import unpack
+from tsplat.io.spz_header import ANTIALIASED
 
 SPZ = "KHR_gaussian_splatting_compression_spz"
 """Followed by ``_2`` in some drafts."""
@@ -22,8 +23,8 @@ SPZ_ALONE = "KHR_spz_gaussian_splats_compression"
 PACKED = "KHR_gaussian_splatting_compression_"
 
 
-def find_packed(document: Document, extensions: Fields, splatting: Fields | None) -> Splats | None:
-    """Return the splats of a primitive that are packed, or None.
+def find_packed(document: Document, extensions: Fields, splatting: Fields | None) -> tuple[Arrays, bool] | None:
+    """Return the splats of a primitive that are packed, and whether they are antialiased, or None.
 
     Parameters
     ----------
@@ -54,11 +55,11 @@ def find_packed(document: Document, extensions: Fields, splatting: Fields | None
     return None
 
 
-def _read_spz(document: Document, fields: Fields) -> Splats:
+def _read_spz(document: Document, fields: Fields) -> tuple[Arrays, bool]:
     stretch = document.stretch(fields)
     try:
-        _, arrays = unpack(document.path, stretch.read(), lambda _: None)
+        header, arrays = unpack(document.path, stretch.read(), lambda _: None)
     except LoadError as error:
         offset = None if error.offset is None else stretch.start + error.offset
         raise type(error)(document.path, f"{fields.where}bufferView: its SPZ {error.problem}", offset) from error
-    return Splats(*arrays)
+    return Arrays(*arrays), bool(header.flags & ANTIALIASED)

@@ -17,8 +17,8 @@ from tsplat.io.gltf_accessors import Accessor, find_accessor
 from tsplat.io.gltf_colors import show_linear
 from tsplat.io.gltf_document import Document, items
 from tsplat.io.gltf_packed import find_packed
+from tsplat.io.gltf_transform import Arrays
 from tsplat.io.sog_json import Fields
-from tsplat.io.sog_splats import Splats
 from tsplat.io.splat import SH_C0
 from tsplat.scene import SH_COEFFICIENTS
 
@@ -45,11 +45,14 @@ class Primitive:
         How many, and of how many harmonics their colours are made.
     fill : callable
         Writes them to arrays of that size, in the axes of the mesh; opacities may lie outside of 0 to 1.
+    antialiased : bool
+        As in `Gaussians`.
     """
 
     count: int
     coefficients: int
-    fill: Callable[[Splats], None]
+    fill: Callable[[Arrays], None]
+    antialiased: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +86,8 @@ def find_primitives(document: Document, mesh: Fields) -> tuple[list[Primitive], 
         splatting = extensions.inner(EXTENSION) if extensions.has(EXTENSION) else None
         packed = find_packed(document, extensions, splatting)
         if packed is not None:
-            found.append(Primitive(len(packed.means), packed.sh.shape[1], _copier(packed)))
+            splats, antialiased = packed
+            found.append(Primitive(len(splats.means), splats.sh.shape[1], _copier(splats), antialiased))
         elif splatting is not None:
             attributes = _attributes(document, primitive.inner("attributes"))
             count, k = attributes.means.count, 1 + len(attributes.rest)
@@ -92,16 +96,16 @@ def find_primitives(document: Document, mesh: Fields) -> tuple[list[Primitive], 
     return found, problems
 
 
-def _copier(packed: Splats) -> Callable[[Splats], None]:
-    def fill(out: Splats) -> None:
-        for target, source in zip(out, packed, strict=True):
+def _copier(splats: Arrays) -> Callable[[Arrays], None]:
+    def fill(out: Arrays) -> None:
+        for target, source in zip(out, splats, strict=True):
             target[:] = source
 
     return fill
 
 
-def _reader(attributes: Attributes, linear: bool) -> Callable[[Splats], None]:
-    def fill(out: Splats) -> None:
+def _reader(attributes: Attributes, linear: bool) -> Callable[[Arrays], None]:
+    def fill(out: Arrays) -> None:
         attributes.means.read(out.means)
         attributes.quats.read(out.quats)
         out.quats[:] = np.roll(out.quats, 1, axis=1)  # xyzw in the file

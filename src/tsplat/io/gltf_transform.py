@@ -6,10 +6,11 @@ matrix, colours only its rotation.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
-from tsplat.io.sog_splats import Splats
 from tsplat.sh_rotation import DECIMALS, rotate_sh
 
 F32 = npt.NDArray[np.float32]
@@ -22,13 +23,23 @@ EVEN = 1e-6
 """Scales along the axes of a matrix that differ by less are one scale."""
 
 
-def move(splats: Splats, matrix: F64) -> None:
+class Arrays(NamedTuple):
+    """The arrays of `Gaussians`, not yet checked; quats may be of any length."""
+
+    means: F32
+    quats: F32
+    scales: F32
+    opacities: F32
+    sh: F32
+
+
+def move(splats: Arrays, matrix: F64) -> None:
     """Move splats in place.
 
     Parameters
     ----------
-    splats : Splats
-        Quats may be of any length.
+    splats : Arrays
+        Of a mesh.
     matrix : ndarray of float64, [4, 4]
         Its last row is not looked at. With a mirror, ellipsoids and colours are mirrored.
     """
@@ -42,7 +53,7 @@ def move(splats: Splats, matrix: F64) -> None:
     even = stretches[0] - stretches[2] <= EVEN * stretches[0]
     turn = _multiplier(quats_of((nearest * np.sign(np.linalg.det(nearest)))[None])[0])
     for first in range(0, len(splats.means), CHUNK):
-        part = Splats(*(each[first : first + CHUNK] for each in splats))
+        part = Arrays(*(each[first : first + CHUNK] for each in splats))
         part.means[:] = part.means @ linear.T + offset
         part.sh[:] = rotate_sh(part.sh, nearest)
         if even:

@@ -9,10 +9,11 @@ import warnings
 import zlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import BinaryIO, Literal
+from typing import BinaryIO
 
 from tsplat.errors import CorruptFileError, LoadWarning
 from tsplat.io.finish import finish
+from tsplat.io.options import LoadOptions
 from tsplat.io.spz_decode import (
     F32,
     decode_first_three,
@@ -53,20 +54,8 @@ def matches(head: bytes) -> bool:
         return False
 
 
-def read(
-    path: Path,
-    *,
-    max_splats: int | None,
-    raw_opacity: bool,  # noqa: ARG001
-    progress: Callable[[float], None],
-    frame: Literal["rub", "rdf"] = "rub",
-) -> Gaussians:
-    """Read an SPZ of any version; see `tsplat.io.load` for the other parameters.
-
-    Parameters
-    ----------
-    frame : {"rub", "rdf"}
-        The axes of the file: right, up, back by the specification; some writers keep a PLY's right, down, front.
+def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) -> Gaussians:
+    """Read an SPZ of any version; see `tsplat.io.load` for the parameters.
 
     Raises
     ------
@@ -84,9 +73,12 @@ def read(
     if header.flags & ~ANTIALIASED:
         problem = f"flags {header.flags:#x} announce extensions, which were not read"
         warnings.warn(f"{path}: {problem}; the scene may be meant otherwise", LoadWarning, stacklevel=3)
-    if frame == "rub":
+    if options.spz_frame == "rub":
         half_turn(means, quats, sh)
-    gaussians = finish(path, means, quats, scales, opacities, sh, max_splats=max_splats)
+    antialiased = bool(header.flags & ANTIALIASED)
+    gaussians = finish(
+        path, means, quats, scales, opacities, sh, max_splats=options.max_splats, antialiased=antialiased
+    )
     progress(1.0)
     return gaussians
 
