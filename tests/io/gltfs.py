@@ -70,13 +70,13 @@ class Made:
     def glb(self) -> bytes:
         """Return the whole file as a GLB."""
         self.root["buffers"][0]["byteLength"] = len(self.content)
-        return glb(json.dumps(self.root).encode(), bytes(self.content))
+        return glb(json.dumps(self.root, separators=(",", ":")).encode(), bytes(self.content))
 
     def gltf(self, uri: str = "") -> bytes:
         """Return the JSON alone, the buffer at a URI or as base64."""
         encoded = "data:application/gltf-buffer;base64," + base64.b64encode(self.content).decode()
         self.root["buffers"][0] = {"byteLength": len(self.content), "uri": uri or encoded}
-        return json.dumps(self.root).encode()
+        return json.dumps(self.root, separators=(",", ":")).encode()
 
 
 def glb(text: bytes, content: bytes | None, version: int = 2) -> bytes:

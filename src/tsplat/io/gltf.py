@@ -6,6 +6,7 @@ splat-transform does between glTF and PLY, so that scenes stand upright; the mat
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -17,8 +18,9 @@ from tsplat.errors import LoadError, LoadWarning
 from tsplat.io.finish import finish
 from tsplat.io.gltf_document import MAGIC, Document, open_document
 from tsplat.io.gltf_nodes import placed_meshes
-from tsplat.io.gltf_primitives import EXTENSION, Primitive, find_primitives
-from tsplat.io.gltf_transform import Arrays, move
+from tsplat.io.gltf_primitives import EXTENSION, find_primitives
+from tsplat.io.gltf_splats import Arrays, Primitive
+from tsplat.io.gltf_transform import move
 from tsplat.io.options import LoadOptions
 from tsplat.scene import Gaussians
 
@@ -73,7 +75,8 @@ def _find(document: Document) -> tuple[list[Placed], set[str]]:
         if mesh.where not in known:
             known[mesh.where], unusual = find_primitives(document, mesh)
             problems |= unusual
-        placed += [(primitive, HALF_TURN @ matrix) for primitive in known[mesh.where]]
+        upright = HALF_TURN @ matrix
+        placed += [(primitive, upright) for primitive in known[mesh.where]]
     if not placed:
         raise LoadError(document.path, f"shows no {EXTENSION}, so it is no splat scene; choose another file")
     return placed, problems
@@ -82,15 +85,26 @@ def _find(document: Document) -> tuple[list[Placed], set[str]]:
 def _read_all(placed: list[Placed], progress: Callable[[float], None]) -> Arrays:
     count = sum(primitive.count for primitive, _ in placed)
     k = max(primitive.coefficients for primitive, _ in placed)
-    shapes = ((count, 3), (count, 4), (count, 3), (count,), (count, k, 3))
-    splats = Arrays(*(np.empty(shape, np.float32) for shape in shapes))
+    splats = _allocate(count, k)
     first = 0
     for primitive, matrix in placed:
         part = Arrays(*(each[first : first + primitive.count] for each in splats))
         part.sh[:, primitive.coefficients :] = 0.0
         part = part._replace(sh=part.sh[:, : primitive.coefficients])
-        primitive.fill(part)
+
+        def share(fraction: float, first: int = first, size: int = primitive.count) -> None:
+            progress((first + fraction * size) / max(count, 1))
+
+        primitive.fill(part, share)
         move(part, matrix)
         first += primitive.count
-        progress(first / max(count, 1))
+    progress(1.0)
     return splats
+
+
+def _allocate(count: int, k: int) -> Arrays:
+    """Return arrays in one piece, so that what is too much for memory is refused at once."""
+    shapes = ((count, 3), (count, 4), (count, 3), (count,), (count, k, 3))
+    sizes = [math.prod(shape) for shape in shapes]
+    pieces = np.split(np.empty(sum(sizes), np.float32), np.cumsum(sizes)[:-1])
+    return Arrays(*(piece.reshape(shape) for piece, shape in zip(pieces, shapes, strict=True)))

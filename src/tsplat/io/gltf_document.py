@@ -163,7 +163,7 @@ def open_document(path: Path) -> Document:
 
     def cut_out(found: re.Match[bytes]) -> bytes:
         try:
-            embedded.append(binascii.a2b_base64(found[1]))
+            embedded.append(binascii.a2b_base64(memoryview(text)[slice(*found.span(1))]))
         except binascii.Error as error:
             problem = "a data URI is no base64, expected whole groups of four; fetch it again"
             raise CorruptFileError(path, problem, found.start(1)) from error

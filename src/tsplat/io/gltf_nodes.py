@@ -38,8 +38,7 @@ def placed_meshes(document: Document) -> list[tuple[Fields, F64]]:
             raise document.root.corrupt(f"nodes[{index}] is reached twice, expected a tree")
         seen.add(index)
         node = nodes[index]
-        with np.errstate(over="ignore", invalid="ignore"):  # no splat comes out of that whole
-            matrix = parent @ _local(node)
+        matrix = parent @ _local(node)
         if not matrix[:3, :3].any():
             continue
         if node.has("mesh"):

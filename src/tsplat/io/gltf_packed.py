@@ -7,24 +7,25 @@ are for those of glTF, and so does this.
 
 from __future__ import annotations
 
-from tsplat.errors import LoadError
-from tsplat.io.gltf_document import Document
-from tsplat.io.gltf_transform import Arrays
-from tsplat.io.sog_json import Fields
-from tsplat.io.spz import unpack
-from tsplat.io.spz_header import ANTIALIASED
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
-SPZ = "KHR_gaussian_splatting_compression_spz"
-"""Followed by ``_2`` in some drafts."""
+from tsplat.errors import LoadError
+from tsplat.io.gltf_document import Document, Stretch
+from tsplat.io.gltf_splats import Arrays, Primitive
+from tsplat.io.sog_json import Fields
+from tsplat.io.spz import open_streams, unpack
+from tsplat.io.spz_header import ANTIALIASED, REST_COEFFICIENTS
+
+PACKED = "KHR_gaussian_splatting_compression_"
+SPZ = (f"{PACKED}spz", f"{PACKED}spz_2")
 
 SPZ_ALONE = "KHR_spz_gaussian_splats_compression"
 """The oldest draft, which stands without KHR_gaussian_splatting."""
 
-PACKED = "KHR_gaussian_splatting_compression_"
 
-
-def find_packed(document: Document, extensions: Fields, splatting: Fields | None) -> tuple[Arrays, bool] | None:
-    """Return the splats of a primitive that are packed, and whether they are antialiased, or None.
+def find_packed(document: Document, extensions: Fields, splatting: Fields | None) -> Primitive | None:
+    """Return the splats of a primitive that are packed, or None.
 
     Parameters
     ----------
@@ -43,23 +44,39 @@ def find_packed(document: Document, extensions: Fields, splatting: Fields | None
         They are packed in a way that is not known.
     """
     if extensions.has(SPZ_ALONE):
-        return _read_spz(document, extensions.inner(SPZ_ALONE))
+        return _find_spz(document, extensions.inner(SPZ_ALONE))
     if splatting is None or not splatting.has("extensions"):
         return None
     inner = splatting.inner("extensions")
     for name in inner.values:
-        if name.startswith(SPZ):
-            return _read_spz(document, inner.inner(name))
+        if name in SPZ:
+            return _find_spz(document, inner.inner(name))
         if name.startswith(PACKED):
             raise document.packed(name)
     return None
 
 
-def _read_spz(document: Document, fields: Fields) -> tuple[Arrays, bool]:
+def _find_spz(document: Document, fields: Fields) -> Primitive:
     stretch = document.stretch(fields)
+    with _told_of(document, fields, stretch):
+        header, _ = open_streams(document.path, stretch.read())
+
+    def fill(out: Arrays, progress: Callable[[float], None]) -> None:
+        with _told_of(document, fields, stretch):
+            _, arrays = unpack(document.path, stretch.read(), progress)
+        for target, source in zip(out, arrays, strict=True):
+            target[:] = source
+
+    antialiased = bool(header.flags & ANTIALIASED)
+    return Primitive(header.count, 1 + REST_COEFFICIENTS[header.sh_degree], fill, antialiased)
+
+
+@contextmanager
+def _told_of(document: Document, fields: Fields, stretch: Stretch) -> Iterator[None]:
+    """Say of an error in an SPZ where in the glTF it lies."""
     try:
-        header, arrays = unpack(document.path, stretch.read(), lambda _: None)
+        yield
     except LoadError as error:
         offset = None if error.offset is None else stretch.start + error.offset
-        raise type(error)(document.path, f"{fields.where}bufferView: its SPZ {error.problem}", offset) from error
-    return Arrays(*arrays), bool(header.flags & ANTIALIASED)
+        problem = f"{fields.where}bufferView: its SPZ {error.problem}"
+        raise type(error)(document.path, problem, offset) from error

@@ -17,7 +17,7 @@ from tsplat.io.gltf_accessors import Accessor, find_accessor
 from tsplat.io.gltf_colors import show_linear
 from tsplat.io.gltf_document import Document, items
 from tsplat.io.gltf_packed import find_packed
-from tsplat.io.gltf_transform import Arrays
+from tsplat.io.gltf_splats import Arrays, Fill, Primitive
 from tsplat.io.sog_json import Fields
 from tsplat.io.splat import SH_C0
 from tsplat.scene import SH_COEFFICIENTS
@@ -32,27 +32,7 @@ COLOR_SPACES = (
     *("lin_rec709_scene", "BT.709-sRGB", "BT.709-srgb", "BT.709-linear", "BT.709", "sRGB", "linear"),  # in drafts
 )
 
-_SH_NAME = re.compile(r".*SH_DEGREE_(\d)_COEF_\d")
-
-
-@dataclass(frozen=True, slots=True)
-class Primitive:
-    """Splats that are there to be read.
-
-    Attributes
-    ----------
-    count, coefficients : int
-        How many, and of how many harmonics their colours are made.
-    fill : callable
-        Writes them to arrays of that size, in the axes of the mesh; opacities may lie outside of 0 to 1.
-    antialiased : bool
-        As in `Gaussians`.
-    """
-
-    count: int
-    coefficients: int
-    fill: Callable[[Arrays], None]
-    antialiased: bool = False
+_SH_NAME = re.compile(rf"(?:{EXTENSION}:|_)?SH_DEGREE_(\d)_COEF_\d")
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,8 +66,7 @@ def find_primitives(document: Document, mesh: Fields) -> tuple[list[Primitive], 
         splatting = extensions.inner(EXTENSION) if extensions.has(EXTENSION) else None
         packed = find_packed(document, extensions, splatting)
         if packed is not None:
-            splats, antialiased = packed
-            found.append(Primitive(len(splats.means), splats.sh.shape[1], _copier(splats), antialiased))
+            found.append(packed)
         elif splatting is not None:
             attributes = _attributes(document, primitive.inner("attributes"))
             count, k = attributes.means.count, 1 + len(attributes.rest)
@@ -96,16 +75,8 @@ def find_primitives(document: Document, mesh: Fields) -> tuple[list[Primitive], 
     return found, problems
 
 
-def _copier(splats: Arrays) -> Callable[[Arrays], None]:
-    def fill(out: Arrays) -> None:
-        for target, source in zip(out, splats, strict=True):
-            target[:] = source
-
-    return fill
-
-
-def _reader(attributes: Attributes, linear: bool) -> Callable[[Arrays], None]:
-    def fill(out: Arrays) -> None:
+def _reader(attributes: Attributes, linear: bool) -> Fill:
+    def fill(out: Arrays, progress: Callable[[float], None]) -> None:
         attributes.means.read(out.means)
         attributes.quats.read(out.quats)
         out.quats[:] = np.roll(out.quats, 1, axis=1)  # xyzw in the file
@@ -113,6 +84,7 @@ def _reader(attributes: Attributes, linear: bool) -> Callable[[Arrays], None]:
         _refuse_negative(attributes.scales, out.scales)
         for index, accessor in enumerate(attributes.rest, 1):
             accessor.read(out.sh[:, index])
+            progress(index / len(attributes.rest))
         if attributes.colors is not None:
             colors = np.empty((attributes.colors.count, attributes.colors.width), np.float32)
             attributes.colors.read(colors)

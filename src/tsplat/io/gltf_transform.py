@@ -6,11 +6,10 @@ matrix, colours only its rotation.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 import numpy.typing as npt
 
+from tsplat.io.gltf_splats import Arrays
 from tsplat.sh_rotation import DECIMALS, rotate_sh
 
 F32 = npt.NDArray[np.float32]
@@ -21,16 +20,6 @@ CHUNK = 1 << 16
 
 EVEN = 1e-6
 """Scales along the axes of a matrix that differ by less are one scale."""
-
-
-class Arrays(NamedTuple):
-    """The arrays of `Gaussians`, not yet checked; quats may be of any length."""
-
-    means: F32
-    quats: F32
-    scales: F32
-    opacities: F32
-    sh: F32
 
 
 def move(splats: Arrays, matrix: F64) -> None:
@@ -95,9 +84,9 @@ def _multiplier(quat: F64) -> F32:
 
 
 def _deform(quats: F32, scales: F32, linear: F64) -> None:
-    lengths = np.linalg.norm(quats, axis=1)
-    good = np.isfinite(lengths) & (lengths > 0) & np.isfinite(scales).all(axis=1)
-    axes = linear @ rotations_of(quats[good] / lengths[good, None]) * scales[good, None, :]
-    left, stretches, _ = np.linalg.svd(axes)
+    lengths = np.linalg.norm(quats, axis=1, keepdims=True)
+    axes = linear @ rotations_of(quats / lengths) * scales[:, None, :]
+    good = np.isfinite(axes).all(axis=(1, 2))  # the others are dropped, but for these it would not converge
+    left, stretches, _ = np.linalg.svd(axes[good])
     left[:, :, 2] *= np.linalg.det(left)[:, None]
     quats[good], scales[good] = quats_of(left), stretches

@@ -113,7 +113,7 @@ def unpack(
     LoadError
         As for `read`.
     """
-    header, take = _open(path, raw)
+    header, take = open_streams(path, raw)
     streams = {}
     for number, (name, size) in enumerate(header.streams.items(), 1):
         streams[name] = take(name, size)
@@ -128,7 +128,14 @@ def unpack(
     return header, (means, quats, scales, opacities, sh)
 
 
-def _open(path: Path, raw: bytes) -> tuple[Header, Take]:
+def open_streams(path: Path, raw: bytes) -> tuple[Header, Take]:
+    """Return the header of a whole SPZ, and what gives its streams one after the other.
+
+    Raises
+    ------
+    LoadError
+        As for `read`.
+    """
     if raw.startswith(GZIP_MAGIC):
         return open_gzip(path, raw)
     if not raw.startswith(MAGIC):
