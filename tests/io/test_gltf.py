@@ -261,12 +261,12 @@ def test_drafts_have_other_names_and_colours_of_points(
     check_alike(found, turned(Gaussians(before.means, before.quats, before.scales, opacities, sh)))
 
 
-def packed(name: str, inside: bool, version: int = 2) -> Made:
+def packed(name: str, inside: bool, version: int = 2, flags: int = 0) -> Made:
     splats = [
         Splat((index * 100, 50, -20), quat=(index % 4, 90, 80, 70), sh=list(range(100, 109))) for index in range(5)
     ]
     made = Made()
-    extension = {name: {"bufferView": made.view(zipped(bare(splats, version, 1)))}}
+    extension = {name: {"bufferView": made.view(zipped(bare(splats, version, 1, flags=flags)))}}
     made.root["meshes"] = [{"primitives": [{"mode": 0, "attributes": {}}]}]
     made.root["meshes"][0]["primitives"][0]["extensions"] = (
         {EXTENSION: {"extensions": extension}} if inside else extension
@@ -292,6 +292,15 @@ def test_packed_splats_are_those_of_the_spz_in_axes_of_gltf(
     _, arrays = spz.unpack(tmp_path / "scene.spz", bytes(made.content), lambda _: None)
     quats = arrays[1] / np.linalg.norm(arrays[1], axis=1, keepdims=True)
     check_alike(found, turned(Gaussians(arrays[0], quats, *arrays[2:])))
+
+
+def test_a_scene_is_antialiased_when_all_that_is_packed_says_so(tmp_path: Path) -> None:
+    name = "KHR_gaussian_splatting_compression_spz_2"
+    assert not load_made(tmp_path, packed(name, True)).antialiased
+    made = packed(name, True, flags=1)
+    assert load_made(tmp_path, made).antialiased
+    made.primitive(attributes_of(made, random_gaussians(np.random.default_rng(0), 3, 1)))
+    assert not load_made(tmp_path, made).antialiased
 
 
 def to_srgb(linear: npt.NDArray[Any]) -> npt.NDArray[Any]:
