@@ -98,7 +98,8 @@ def _harmonics(header: Header, values: npt.NDArray[np.generic]) -> F32:
 def _chunks(file: BinaryIO, path: Path, header: Header, section: Section) -> Iterator[tuple[Records, F32]]:
     # Yields records, their scales checked, and the means that they stand for.
     size = section.record.itemsize
-    ends, centers = _buckets(file, path, section) if header.level else (np.zeros(0, np.int64), np.zeros((0, 3)))
+    packed = header.level and section.count  # the buckets of no splats were not checked
+    ends, centers = _buckets(file, path, section) if packed else (np.zeros(0, np.int64), np.zeros((0, 3)))
     step = np.float32(section.block / 2.0 / section.steps)
     for first in range(0, section.count, CHUNK):
         offset = section.start + first * size
