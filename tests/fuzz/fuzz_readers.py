@@ -32,6 +32,8 @@ TARGETS = {
     "splat": ("splat",),
     "ksplat": ("ksplat 0", "ksplat 1", "ksplat 2", "ksplat of GaussForge"),
     "spz": ("SPZ 1", "SPZ 2", "SPZ 3", "SPZ without gzip", "SPZ 4", "SPZ 4 of degree 0"),
+    "glb": ("GLB", "GLB of SPZ"),
+    "gltf": ("glTF",),
     "sog": ("SOG", "SOG, deflated", "SOG 1"),
     "sog-folder": ("SOG in a folder", "SOG 1 in a folder"),
     "sog-streamed": ("SOG, streamed",),

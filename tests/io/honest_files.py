@@ -11,11 +11,13 @@ import numpy as np
 
 from tests.io import sogs
 from tests.io.compressed_plys import small_tables
+from tests.io.gltfs import EXTENSION, SPLATTING, Made, scene_of
 from tests.io.ksplats import Part, gaussforge, ksplat
 from tests.io.plys import Table, ply_bytes, splat_names, splats
 from tests.io.splats import record
 from tests.io.spzs import SH_VALUES, Splat, bare, framed, zipped
 from tests.scenes import random_gaussians
+from tsplat.io.gltf_packed import SPZ
 
 Files = dict[str, bytes]
 """Contents by name; the first one is opened."""
@@ -43,6 +45,29 @@ def _framed_spz(degree: int = 1) -> bytes:
 
 def _gzipped_spz(version: int) -> bytes:
     return zipped(bare(_spz_splats(version), version, 1))
+
+
+def _turned_gltf() -> Made:
+    """Return a glTF of the same splats in two places, one of them turned, stretched and mirrored."""
+    made = scene_of(SCENE)
+    made.root["nodes"] = [
+        {"children": [1, 2]},
+        {"mesh": 0},
+        {"mesh": 0, "scale": [1, -2, 3], "rotation": [0, 1, 0, 1]},
+    ]
+    made.root["accessors"][0]["sparse"] = {
+        "count": 2,
+        "indices": {"bufferView": made.view(bytes([1, 5])), "componentType": 5121},
+        "values": {"bufferView": made.view(bytes(24))},
+    }
+    return made
+
+
+def _packed_glb() -> bytes:
+    made = Made()
+    packed = {"extensions": {SPZ[0]: {"bufferView": made.view(_gzipped_spz(3))}}}
+    made.primitive({}, extensions={EXTENSION: {**SPLATTING, **packed}})
+    return made.glb()
 
 
 def _folder(scene: sogs.Scene) -> Files:
@@ -76,6 +101,13 @@ HONEST: dict[str, Files] = {
     "SPZ without gzip": {"scene.spz": bare(_spz_splats(2), 2, 1)},
     "SPZ 4": {"scene.spz": _framed_spz()},
     "SPZ 4 of degree 0": {"scene.spz": _framed_spz(0)},
+    "GLB": {"scene.glb": scene_of(SCENE).glb()},
+    "glTF": {"scene.gltf": _turned_gltf().gltf()},
+    "glTF in a folder": {
+        "scene.gltf": scene_of(SCENE).gltf("scene.bin"),
+        "scene.bin": bytes(scene_of(SCENE).content),
+    },
+    "GLB of SPZ": {"scene.glb": _packed_glb()},
     "SOG": {"scene.sog": sogs.made_up(RNG).zipped()},
     "SOG, deflated": {"scene.sog": sogs.made_up(RNG, bands=0).zipped(zipfile.ZIP_DEFLATED)},
     "SOG 1": {"scene.sog": sogs.made_up_old(RNG).zipped()},
