@@ -82,10 +82,11 @@ def _set_word(random: Random, raw: bytes, others: Sequence[bytes]) -> bytes:
     if not words:
         return _set_number(random, raw, others)
     word = random.choice(words[:8] if random.random() < 0.6 else words)  # counts come first
-    near = []
-    if word.group().isdigit() and len(word.group()) < 20:
-        near = [str(int(word.group()) + step).encode() for step in (-1, 1)] + [word.group() + b"000"]
-    return raw[: word.start()] + random.choice((*near, *WORDS)) + raw[word.end() :]
+    new = random.choice(WORDS)
+    if word.group().isdigit() and len(word.group()) < 20 and random.random() < 0.5:
+        count = int(word.group())
+        new = str(random.choice((count - 1, count + 1, 1000 * count))).encode()
+    return raw[: word.start()] + new + raw[word.end() :]
 
 
 def _cut(random: Random, raw: bytes, _: Sequence[bytes]) -> bytes:
