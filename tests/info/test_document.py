@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -71,6 +72,10 @@ def test_warnings_of_the_reader_come_first_once_and_without_the_path() -> None:
     assert warnings[0]["text"] == "dropped 5 of 9 splats: nan, inf or a zero quat"
     assert (warnings[0]["count"], warnings[0]["share"]) == (5, 5 / 9)
     assert set(warnings[0]) == set(warnings[1]) == {"kind", "text", "remedy", "count", "share"}
+
+
+def test_a_scene_trained_for_antialiasing_is_said_to_be() -> None:
+    assert of(replace(SCENE, antialiased=True))["antialiased"] is True
 
 
 def test_bytes_a_splat_are_said_of_whole_files_only() -> None:

@@ -12,7 +12,7 @@ from tsplat.info.measures import Measures, measure
 from tsplat.raster.reference import sh_basis
 from tsplat.scene import Gaussians
 
-SCENE = random_gaussians(np.random.default_rng(6), 200, 3)
+SCENE = random_gaussians(np.random.default_rng(6), 200, 4)
 BOX = bulk(SCENE)
 
 

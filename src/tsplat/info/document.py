@@ -66,7 +66,7 @@ def document(
         "disk_bytes_per_splat": on_disk.nbytes / len(gaussians) if whole else None,
         "splats": len(gaussians),
         "sh_degree": gaussians.sh_degree,
-        "antialiased": getattr(gaussians, "antialiased", False),
+        "antialiased": gaussians.antialiased,
         "memory_bytes": gaussians.nbytes,
         "box": _box(gaussians.means) if len(gaussians) else None,
         "bulk": {

@@ -113,7 +113,7 @@ def _raw_opacities(measures: Measures, raw_opacity: bool) -> Finding | None:
         "raw_opacity",
         np.ones(len(opacities), bool),
         "have opacities from 0.5 to 0.73, as logits from 0 to 1 would give",
-        "try --raw-opacity: the file seems to hold opacities where logits are expected",
+        "try --raw-opacity with a PLY; what was converted from a PLY, convert again with raw opacities",
     )
 
 

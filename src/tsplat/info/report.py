@@ -63,7 +63,7 @@ def _facts(document: Document) -> Table:
         "on disk": _on_disk(document),
         "splats": f"{document['splats']:,}",
         "SH degree": str(document["sh_degree"]),
-        "antialiased": "yes, trained for --antialias mip" if document["antialiased"] else "no",
+        "antialiased": "yes, drawn with --antialias mip" if document["antialiased"] else "no",
         "memory": _megabytes(document["memory_bytes"]),
     }
     if document["box"]:
