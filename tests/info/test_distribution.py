@@ -41,6 +41,12 @@ def test_one_outlier_does_not_press_the_rest_into_one_bin(axis: Axis) -> None:
     assert counts[-1] >= 1
 
 
+def test_zeros_do_not_press_the_rest_of_a_logarithmic_axis_into_one_bin() -> None:
+    counts = distribution(np.append(VALUES, np.zeros(len(VALUES), np.float32)), "log")["histogram"]["counts"]
+    assert counts[0] >= len(VALUES)
+    assert np.count_nonzero(counts) > BINS // 4
+
+
 @pytest.mark.parametrize("axis", AXES)
 @pytest.mark.parametrize("value", [0.0, 1e-45, 0.25, 1.0, 3.4e38])
 @pytest.mark.parametrize("count", [1, 2, 50])

@@ -48,6 +48,14 @@ def test_a_splat_without_extent_is_flat_and_no_division_by_zero() -> None:
     assert measure(point, bulk(point)).flatness.tolist() == [0.0, 0.0]
 
 
+def test_coefficients_whose_squares_no_float32_can_hold_are_told_apart() -> None:
+    sh = np.zeros((2, 16, 3))
+    sh[:, 1:] = np.array([1e20, 1e30])[:, None, None]
+    bright = Gaussians(np.zeros((2, 3)), np.eye(4)[[0, 0]], np.ones((2, 3)), np.ones(2), sh)
+    expected = np.sqrt(45.0 / (12.0 * math.pi)) * np.array([1e20, 1e30])
+    np.testing.assert_allclose(measure(bright, bulk(bright)).view_dependence, expected, rtol=1e-5)
+
+
 def test_values_of_the_largest_floats_stay_finite() -> None:
     most = float(np.finfo(np.float32).max)
     means = np.array([[most, most, most], [-most, -most, -most], [0, 0, 0]])
