@@ -34,6 +34,7 @@ TARGETS = {
     "spz": ("SPZ 1", "SPZ 2", "SPZ 3", "SPZ without gzip", "SPZ 4", "SPZ 4 of degree 0"),
     "glb": ("GLB", "GLB of SPZ"),
     "gltf": ("glTF",),
+    "npz": ("NumPy", "NumPy, deflated"),
     "sog": ("SOG", "SOG, deflated", "SOG 1"),
     "sog-folder": ("SOG in a folder", "SOG 1 in a folder"),
     "sog-streamed": ("SOG, streamed",),

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import json
 import zipfile
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +18,7 @@ from tests.io.ksplats import Part, gaussforge, ksplat
 from tests.io.plys import Table, ply_bytes, splat_names, splats
 from tests.io.splats import record
 from tests.io.spzs import SH_VALUES, Splat, bare, framed, zipped
+from tests.io.test_npz import named, trained
 from tests.scenes import random_gaussians
 from tsplat.io.gltf_packed import SPZ
 
@@ -70,6 +73,12 @@ def _packed_glb() -> bytes:
     return made.glb()
 
 
+def _checkpoint(save: Callable[..., None]) -> bytes:
+    stream = io.BytesIO()
+    save(stream, **named(trained(SCENE), "splats.", False))
+    return stream.getvalue()
+
+
 def _folder(scene: sogs.Scene) -> Files:
     return scene.files()
 
@@ -108,6 +117,8 @@ HONEST: dict[str, Files] = {
         "scene.bin": bytes(scene_of(SCENE).content),
     },
     "GLB of SPZ": {"scene.glb": _packed_glb()},
+    "NumPy": {"scene.npz": _checkpoint(np.savez)},
+    "NumPy, deflated": {"scene.npz": _checkpoint(np.savez_compressed)},
     "SOG": {"scene.sog": sogs.made_up(RNG).zipped()},
     "SOG, deflated": {"scene.sog": sogs.made_up(RNG, bands=0).zipped(zipfile.ZIP_DEFLATED)},
     "SOG 1": {"scene.sog": sogs.made_up_old(RNG).zipped()},

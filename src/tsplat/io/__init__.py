@@ -33,8 +33,8 @@ def load(
     ----------
     path : str or Path
         A splat PLY (little-endian, big-endian, ASCII, or PlayCanvas' compressed PLY), .splat, .ksplat, SPZ, glTF,
-        SOG (zipped, or a meta.json or lod-meta.json with its planes beside it), or an .npz of a gsplat or nerfstudio
-        checkpoint; SH degree 0 to 4.
+        SOG (zipped, or a meta.json or lod-meta.json with its planes beside it), or an .npz of a gsplat or
+        nerfstudio checkpoint; SH degree 0 to 4.
     max_splats : int, optional
         Keep at most this many, those with the largest opacity times area; by default all.
     raw_opacity : bool
