@@ -114,7 +114,7 @@ class Archive:
     def corrupt(self, name: str, problem: str) -> CorruptFileError:
         entry = self._zip.NameToInfo.get(name)
         offset = entry.header_offset if entry else None
-        return CorruptFileError(self.path, f"{name!a} {problem}; fetch it again", offset)
+        return CorruptFileError(self.path, f"{ascii(name)[:NAME_CHARS]} {problem}; fetch it again", offset)
 
     def _find(self, name: str) -> zipfile.ZipInfo:
         entry = self._zip.NameToInfo.get(name)
