@@ -21,6 +21,9 @@ FLOATS = HALVES + tuple(
     for value in (math.nan, math.inf, -1.0, -0.0, 1e-22, 1e25)
 )
 
+ESCAPES = (b"\x1b]0;name\x07\r\n", b"\\u001b[2J\\n")
+"""What must not reach a terminal, as it is and as JSON has it."""
+
 WORDS = (b"0", b"-1", b"2147483647", b"4294967295", b"18446744073709551616", b"1e308", b"-1e-320", b"NaN", b"null")
 """What a number in text becomes."""
 
@@ -105,7 +108,7 @@ def _delete(random: Random, raw: bytes, _: Sequence[bytes]) -> bytes:
 
 def _insert(random: Random, raw: bytes, _: Sequence[bytes]) -> bytes:
     at, size = random.randrange(len(raw) + 1), random.choice((1, 4, 16, 300))
-    block = random.choice((bytes(size), b"\xff" * size, random.randbytes(size), b"\x1b]0;name\x07\r\n"))
+    block = random.choice((bytes(size), b"\xff" * size, random.randbytes(size), *ESCAPES))
     return raw[:at] + block + raw[at:]
 
 
