@@ -280,6 +280,14 @@ def test_a_chunk_that_is_missing_or_of_another_kind_is_no_buffer(tmp_path: Path)
             load_made(tmp_path, broken)
 
 
+def test_only_the_first_buffer_is_the_chunk(tmp_path: Path) -> None:
+    made = small()
+    made.root["buffers"].append({"byteLength": 24})
+    made.root["bufferViews"][0]["buffer"] = 1
+    with pytest.raises(CorruptFileError, match=r"buffers\[1\]\.uri is missing, expected the name of a file"):
+        load_made(tmp_path, made)
+
+
 def test_bytes_behind_the_chunks_and_zeros_behind_the_json_do_no_harm(tmp_path: Path) -> None:
     made = small()
     raw = made.glb()
