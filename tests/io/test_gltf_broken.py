@@ -135,6 +135,7 @@ LIES: list[tuple[Change, str]] = [
     (put(1 << 60, "bufferViews", 0, "byteStride"), r"byteStride is 1152921504606846976"),
     (put(10**9, "bufferViews", 0, "byteOffset"), r"bufferViews\[0\]\.byteOffset is 1000000000"),
     (put(10**9, "bufferViews", 0, "byteLength"), r"bufferViews\[0\]\.byteLength is 1000000000"),
+    (put(112, "bufferViews", 1, "byteLength"), r"bufferViews\[1\]\.byteLength is 112, expected .* from 0 to 88"),
     (drop("bufferViews", 0, "byteLength"), r"bufferViews\[0\]\.byteLength is missing"),
     (put(1, "bufferViews", 0, "buffer"), r"bufferViews\[0\]\.buffer is 1, expected the index of one of 1 buffers"),
     (put(10**9, "buffers", 0, "byteLength"), r"buffers\[0\]\.byteLength is 1000000000, expected"),
