@@ -62,9 +62,9 @@ FORMATS = (
 
 
 def find_format(head: bytes, name: str) -> Format | None:
-    """Return the format of a file by its first bytes, then by how its name ends, the longest first, or None.
+    """Return the format of a file, or None.
 
-    Where the first bytes fit several formats, the name chooses among these, or else the first of them.
+    Its first bytes decide; where they fit several formats or none, the longest ending of its name does.
     """
     fitting = [known for known in FORMATS if known.matches(head)]
     ends = [
