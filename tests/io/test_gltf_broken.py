@@ -116,6 +116,7 @@ LIES: list[tuple[Change, str]] = [
     (put(1 << 60, "bufferViews", 0, "byteStride"), r"byteStride is 1152921504606846976"),
     (put(10**9, "bufferViews", 0, "byteOffset"), r"bufferViews\[0\]\.byteOffset is 1000000000"),
     (put(10**9, "bufferViews", 0, "byteLength"), r"bufferViews\[0\]\.byteLength is 1000000000"),
+    (put(112, "bufferViews", 1, "byteLength"), r"bufferViews\[1\]\.byteLength is 112, expected .* from 0 to 88"),
     (drop("bufferViews", 0, "byteLength"), r"bufferViews\[0\]\.byteLength is missing"),
     (put(1, "bufferViews", 0, "buffer"), r"bufferViews\[0\]\.buffer is 1, expected the index of one of 1 buffers"),
     (put(10**9, "buffers", 0, "byteLength"), r"buffers\[0\]\.byteLength is 1000000000, expected"),
@@ -259,6 +260,14 @@ def test_a_chunk_that_is_missing_or_of_another_kind_is_no_buffer(tmp_path: Path)
     for broken in (glb(text, None), raw.replace(b"BIN\0", b"ODD\0")):
         with pytest.raises(CorruptFileError, match=r"buffers\[0\]\.uri is missing, expected the name of a file"):
             load_made(tmp_path, broken)
+
+
+def test_only_the_first_buffer_is_the_chunk(tmp_path: Path) -> None:
+    made = small()
+    made.root["buffers"].append({"byteLength": 24})
+    made.root["bufferViews"][0]["buffer"] = 1
+    with pytest.raises(CorruptFileError, match=r"buffers\[1\]\.uri is missing, expected the name of a file"):
+        load_made(tmp_path, made)
 
 
 def test_bytes_behind_the_chunks_and_zeros_behind_the_json_do_no_harm(tmp_path: Path) -> None:

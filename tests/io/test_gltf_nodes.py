@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 from typing import Any
 
@@ -100,6 +101,18 @@ def test_uneven_scales_deform_ellipsoids_and_turn_colours(
     linear = turn @ np.diag([0.2, 1.0, mirror * 4.0])
     found = loaded(tmp_path, before, {"matrix": matrix(linear)})
     check_moved(found, before, linear, turn @ np.diag([1.0, 1.0, mirror]))
+
+
+@pytest.mark.parametrize("flip", [[1, 1, 1], [-1, 1, 1], [1, -1, -1], [-1, -1, -1]])
+def test_ellipsoids_along_the_axes_stay_rotations_however_their_axes_are_ordered(
+    tmp_path: Path, rng: np.random.Generator, flip: list[int]
+) -> None:
+    before = random_gaussians(rng, 6, 0)
+    scales = np.array(list(itertools.permutations([0.0, 0.2, 0.3])))
+    lying = Gaussians(before.means, np.tile([1, 0, 0, 0], (6, 1)), scales, before.opacities, before.sh)
+    linear = np.diag([1.0, 1.5, 1.7]) * flip
+    found = loaded(tmp_path, lying, {"matrix": matrix(linear)})
+    check_moved(found, lying, linear, np.diag(flip).astype(float))
 
 
 def test_a_mirror_turns_ellipsoids_and_colours_over(tmp_path: Path, rng: np.random.Generator) -> None:
