@@ -54,7 +54,7 @@ FORMATS = (
     Format("compressed PLY", (".compressed.ply",), ply.matches, ply.read, compressed_ply_write.write),
     Format("NumPy", (".npz",), npz.matches, npz.read),
     Format("SOG", (".sog",), sog.matches, sog.read, sog_write.write, levels=True),
-    Format("unzipped SOG", (".json",), sog.matches, sog.read, levels=True),
+    Format("SOG", (".json",), sog.matches, sog.read, levels=True),
     Format("GLB", (".glb",), gltf.matches_glb, gltf.read, gltf_write.write_glb),
     Format("glTF", (".gltf",), gltf.matches_json, gltf.read, gltf_write.write_gltf),
     Format("SPZ", (".spz",), spz.matches, spz.read, spz.write),
