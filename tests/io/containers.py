@@ -27,6 +27,7 @@ MOST_BYTES = 1 << 20
 BROKEN = (
     *(OSError, EOFError, ValueError, RuntimeError, NotImplementedError, SyntaxError),
     *(zlib.error, struct.error, zipfile.BadZipFile, zstandard.ZstdError),
+    *(Image.DecompressionBombError, Image.DecompressionBombWarning),
 )
 """What a container that is damaged itself makes its library raise."""
 
