@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from random import Random
 
 from tests.io.containers import opened
@@ -30,6 +30,13 @@ WORDS = (b"0", b"-1", b"2147483647", b"4294967295", b"18446744073709551616", b"1
 TEXT_NUMBER = re.compile(rb"(?<![\w.])-?\d+(?:\.\d+)?(?:e-?\d+)?")
 TEXT_BYTES = 4096
 """How far numbers in text are looked for: headers of binary files are no longer."""
+
+LIES = (b"0", b"2147483647", b"4294967295")
+HEAD_CHARS, TEXT_COUNTS = 64, 8
+"""Where a head is text, and how many numbers are counts at most."""
+
+HEAD_BYTES, COUNTS = 5120, 24
+"""The same of a binary one: that of a .ksplat is the longest."""
 
 Mutation = Callable[[Random, bytes, Sequence[bytes]], bytes]
 
@@ -57,6 +64,27 @@ def mutant(random: Random, raw: bytes, others: Sequence[bytes] = (), change: Mut
     for _ in range(random.choice((1, 1, 2, 3))):
         raw = (change or random.choice(MUTATIONS))(random, raw, others)
     return raw
+
+
+def liars(raw: bytes) -> Iterator[bytes]:
+    """Yield a file with one number of its head after the other made larger than what is there, or nothing.
+
+    Heads of containers lie in their first part.
+    """
+    inside = opened(raw)
+    if inside and inside.parts:
+        for lie in liars(inside.parts[0]):
+            yield inside.pack([lie, *inside.parts[1:]])
+    if raw[:HEAD_CHARS].isascii():
+        for word in list(TEXT_NUMBER.finditer(raw, 0, TEXT_BYTES))[:TEXT_COUNTS]:
+            for new in (word.group() + b"000", b"1" + word.group(), *LIES):
+                yield raw[: word.start()] + new + raw[word.end() :]
+    else:
+        places = [at for at in range(0, min(len(raw), HEAD_BYTES), 4) if any(raw[at : at + 4])]
+        for at in places[:COUNTS]:
+            found = int.from_bytes(raw[at : at + 4], "little")
+            for number in (found + 1, found * 1000, 2**32 - 1):
+                yield _replaced(raw, at, (number % 2**32).to_bytes(4, "little"))
 
 
 def _flip_bit(random: Random, raw: bytes, _: Sequence[bytes]) -> bytes:
