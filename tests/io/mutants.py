@@ -28,12 +28,13 @@ WORDS = (b"0", b"-1", b"2147483647", b"4294967295", b"18446744073709551616", b"1
 """What a number in text becomes."""
 
 TEXT_NUMBER = re.compile(rb"(?<![\w.])-?\d+(?:\.\d+)?(?:e-?\d+)?")
+JSON_COUNT = re.compile(rb'"(\w*(?i:count|shape|length|offset|stride|file|bands|levels|version))": ?\[?(\d+)')
 TEXT_BYTES = 4096
 """How far numbers in text are looked for: headers of binary files are no longer."""
 
 LIES = (b"0", b"2147483647", b"4294967295")
 HEAD_CHARS, TEXT_COUNTS = 64, 8
-"""Where a head is text, and how many numbers are counts at most."""
+"""Where a head is text, and how many numbers may be counts where no names tell."""
 
 HEAD_BYTES, COUNTS = 5120, 24
 """The same of a binary one: that of a .ksplat is the longest."""
@@ -76,15 +77,25 @@ def liars(raw: bytes) -> Iterator[bytes]:
         for lie in liars(inside.parts[0]):
             yield inside.pack([lie, *inside.parts[1:]])
     if raw[:HEAD_CHARS].isascii():
-        for word in list(TEXT_NUMBER.finditer(raw, 0, TEXT_BYTES))[:TEXT_COUNTS]:
-            for new in (word.group() + b"000", b"1" + word.group(), *LIES):
-                yield raw[: word.start()] + new + raw[word.end() :]
+        for first, last in _counts(raw):
+            for new in (raw[first:last] + b"000", b"1" + raw[first:last], *LIES):
+                yield raw[:first] + new + raw[last:]
     else:
         places = [at for at in range(0, min(len(raw), HEAD_BYTES), 4) if any(raw[at : at + 4])]
         for at in places[:COUNTS]:
             found = int.from_bytes(raw[at : at + 4], "little")
             for number in (found + 1, found * 1000, 2**32 - 1):
                 yield _replaced(raw, at, (number % 2**32).to_bytes(4, "little"))
+
+
+def _counts(raw: bytes) -> list[tuple[int, int]]:
+    """Return where the counts of a head in text begin and end."""
+    if not raw.lstrip().startswith(b"{"):
+        return [word.span() for word in TEXT_NUMBER.finditer(raw, 0, TEXT_BYTES)][:TEXT_COUNTS]
+    spans: dict[bytes, list[tuple[int, int]]] = {}
+    for found in JSON_COUNT.finditer(raw):
+        spans.setdefault(found[1], []).append(found.span(2))
+    return [span for each in spans.values() for span in each[:2]]
 
 
 def _flip_bit(random: Random, raw: bytes, _: Sequence[bytes]) -> bytes:
