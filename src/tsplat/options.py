@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import rich_click as click
 
-from tsplat.arguments import BACKGROUND, UP, scene_path
+from tsplat.arguments import BACKGROUND, UP, scene_source
+from tsplat.files import tidy_end
 from tsplat.progress import loading
 from tsplat.rendering import ANTIALIAS, TRAIN_FOCAL_GUESS, Antialias, RenderOptions, own_antialias
 from tsplat.warmup import WarmUp
@@ -54,9 +55,12 @@ def shared(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
 def load_scene(scene: str, max_splats: int | None, raw_opacity: bool, warm_up: WarmUp | None = None) -> Gaussians:
     """Return the scene a person named, with a bar on stderr when that takes long."""
     from tsplat.io import load
+    from tsplat.io.sources import file_name
 
-    with loading(scene, warm_up) as progress:
-        return load(scene_path(scene), max_splats=max_splats, raw_opacity=raw_opacity, progress=progress)
+    with tidy_end(), loading(file_name(scene), warm_up) as bar:
+        return load(
+            scene_source(scene), max_splats=max_splats, raw_opacity=raw_opacity, progress=bar, fetched=bar.fetched
+        )
 
 
 def render_options(
@@ -71,5 +75,5 @@ def render_options(
         from tsplat.io import train_focal_beside
 
         wanted = options["antialias"] == "relative"
-        options["train_focal"] = (wanted and train_focal_beside(scene_path(scene))) or TRAIN_FOCAL_GUESS
+        options["train_focal"] = (wanted and train_focal_beside(scene_source(scene))) or TRAIN_FOCAL_GUESS
     return RenderOptions(depths=False, **options)
