@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import asyncio
 import re
 import threading
 from collections.abc import Callable, Coroutine
 from concurrent.futures import wait
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from tsplat.errors import LoadError
 from tsplat.io.remote_errors import SILENCE_SECONDS, one_line
+
+if TYPE_CHECKING:
+    from asyncio import AbstractEventLoop
 
 SCHEMES = ("http", "https", "s3")
 
@@ -107,8 +109,10 @@ class Remote:
         self._before, self._first = self._before + come.value, False
 
 
-def _wait_for(job: Coroutine[Any, Any, object], loop: asyncio.AbstractEventLoop, tell: Callable[[], None]) -> None:
+def _wait_for(job: Coroutine[Any, Any, object], loop: AbstractEventLoop, tell: Callable[[], None]) -> None:
     """Wait for what is done on fsspec's thread, and end it if this ends first, by Ctrl-C say."""
+    from asyncio import run_coroutine_threadsafe  # nobody else needs it
+
     ended = threading.Event()
 
     async def run() -> None:
@@ -117,7 +121,7 @@ def _wait_for(job: Coroutine[Any, Any, object], loop: asyncio.AbstractEventLoop,
         finally:
             ended.set()
 
-    future = asyncio.run_coroutine_threadsafe(run(), loop)
+    future = run_coroutine_threadsafe(run(), loop)
     try:
         while not wait([future], TELL_SECONDS).done:
             tell()

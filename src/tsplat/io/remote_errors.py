@@ -68,7 +68,7 @@ def _problem(error: Exception) -> str:
         case aiohttp.InvalidURL() | ValueError():
             return "is no URL that can be fetched; check the address"
         case _:
-            return f"cannot be fetched: {' '.join(str(error).split())}; check the address and your credentials"
+            return f"cannot be fetched: {ascii(str(error))[:150]}; check the address and your credentials"
 
 
 def _distrust(error: aiohttp.ClientSSLError) -> str:

@@ -12,10 +12,8 @@ from typing import cast
 
 from tsplat.errors import CorruptFileError
 from tsplat.io import spz
+from tsplat.io.formats import HEAD_BYTES
 from tsplat.io.spz_header import GZIP_MAGIC
-
-HEAD_BYTES = 1024
-"""Enough to see what is packed: the tables of a deflate block take less than half of it."""
 
 MOST_TIMES = 100
 """Scenes pack to a half or a fifth; what unpacks to so much, and `SLACK` on top, was made to fill a disk."""
