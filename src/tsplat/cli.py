@@ -66,8 +66,9 @@ def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
 def command() -> None:
     """Show 3D Gaussian splat scenes in this terminal, on the CPU.
 
-    `tsplat` opens the demo, `tsplat SCENE` opens a scene: fly through it, press ? for the keys. Into a
-    pipe it prints one picture as text. `tsplat view --help` lists the viewer's options.
+    `tsplat` opens the demo, `tsplat SCENE` opens a scene, which is a file, a URL, or - for standard input: fly
+    through it, press ? for the keys. Into a pipe it prints one picture as text. `tsplat view --help` lists the
+    viewer's options.
     """
 
 
