@@ -18,6 +18,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 import pytest
@@ -64,9 +65,9 @@ def streamed_scene(folder: Path) -> None:
     (folder / "fine").mkdir()
     for name, content in fine.files().items():
         (folder / "fine" / name).write_bytes(content)
-    (folder / "coarse part.sog").write_bytes(coarse.zipped())
+    (folder / "coarse #1.sog").write_bytes(coarse.zipped())
     lods = {"0": {"file": 0, "offset": 1, "count": 5}, "1": {"file": 1, "offset": 0, "count": 2}}
-    tree = {"lodLevels": 2, "filenames": ["fine/meta.json", "coarse part.sog"], "tree": {"lods": lods}}
+    tree = {"lodLevels": 2, "filenames": ["fine/meta.json", "coarse #1.sog"], "tree": {"lods": lods}}
     (folder / "lod-meta.json").write_text(json.dumps(tree))
 
 
@@ -117,10 +118,10 @@ def test_of_a_streamed_scene_only_the_level_asked_for_comes(
     server: Server, tmp_path: Path, lod: int | None
 ) -> None:
     streamed_scene(tmp_path)
-    server.files = {name.replace(" ", "%20"): content for name, content in folder_files(tmp_path).items()}
+    server.files = {quote(name): content for name, content in folder_files(tmp_path).items()}
     fetched = io.load(server.url("plain", "lod-meta.json"), lod=lod)
     assert np.array_equal(fetched.means, io.load(tmp_path / "lod-meta.json", lod=lod).means)
-    assert ("coarse%20part.sog" in server.asked) == (lod != 0)
+    assert ("coarse%20%231.sog" in server.asked) == (lod != 0)
     assert ("fine/means_l.webp" in server.asked) == (lod != 1)
     with pytest.raises(OptionError, match="lod must be 0 to 1"):
         io.load(server.url("plain", "lod-meta.json"), lod=2)
@@ -252,12 +253,13 @@ def test_a_server_that_falls_silent_is_given_up(
     assert "the server said nothing for 0 s; try again" in failure(capsys, server.url("hanging", "scene.ply"))
 
 
-@pytest.mark.parametrize("missing", ["fsspec", "aiohttp"])
+@pytest.mark.parametrize(("missing", "scheme"), [("fsspec", "https"), ("aiohttp", "https"), ("s3fs", "s3")])
 def test_a_missing_library_says_what_to_install(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, missing: str
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, missing: str, scheme: str
 ) -> None:
     monkeypatch.setitem(sys.modules, missing, None)
-    assert 'not installed; pip install "tsplat[remote]"' in failure(capsys, "https://host/x.ply")
+    line = failure(capsys, f"{scheme}://host/x.ply")
+    assert f'needs {missing}, which is not installed; pip install "tsplat[remote]"' in line
 
 
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 SCHEMES = ("http", "https", "s3")
 
-CONNECT_SECONDS = 20.0
 TELL_SECONDS = 0.1
 """How often it is told how much has come."""
 
@@ -80,7 +79,8 @@ class Remote:
         try:
             self._files = _file_system(self._scheme)
         except ImportError as error:
-            problem = f'needs {error.name or "fsspec"}, which is not installed; pip install "tsplat[remote]"'
+            missing = error.name or "s3fs"  # fsspec gives no name for what it needs in turn
+            problem = f'needs {missing}, which is not installed; pip install "tsplat[remote]"'
             raise LoadError(shown_url(url), problem) from error
         self._fetched, self._first, self._before = fetched, True, 0
 
@@ -139,7 +139,7 @@ def _file_system(scheme: str) -> Any:
         return fsspec.filesystem("s3", max_concurrency=1)
     import aiohttp
 
-    timeout = aiohttp.ClientTimeout(total=None, sock_connect=CONNECT_SECONDS, sock_read=SILENCE_SECONDS)
+    timeout = aiohttp.ClientTimeout(total=None, sock_connect=SILENCE_SECONDS, sock_read=SILENCE_SECONDS)
     # What a server packs for the way stays packed: it is unpacked later, within limits.
     client = {"timeout": timeout, "auto_decompress": False, "trust_env": True}
     return fsspec.filesystem(
