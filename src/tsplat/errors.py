@@ -45,6 +45,11 @@ def _called(text: str) -> str:
     return text
 
 
+def printable(name: str) -> str:
+    """Return a file's name without the escape sequences that it may hold; on a terminal they would act."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in name)
+
+
 class LoadWarning(UserWarning):
     """Something in a file was dropped or mended while loading it; the text says what and how many."""
 
@@ -70,9 +75,8 @@ class LoadError(TsplatError, ValueError):
     """
 
     def __init__(self, path: str | Path, problem: str, offset: int | None = None) -> None:
-        # A file's name may hold escape sequences; on a terminal they would act.
         called = _called(str(path))
-        name = "".join(c if c.isprintable() else repr(c)[1:-1] for c in called)
+        name = printable(called)
         where = name if offset is None else f"{name}: at byte {offset}"
         super().__init__(f"{where}: {problem}")
         self.path = called if "://" in called else Path(called)

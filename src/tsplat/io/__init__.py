@@ -13,7 +13,7 @@ from tsplat.files import replacing
 from tsplat.io.cameras import TrainingCamera, load_cameras, train_focal_beside
 from tsplat.io.formats import FORMATS, HEAD_BYTES, find_format
 from tsplat.io.options import LoadOptions, SpzFrame
-from tsplat.io.sources import called, local_file
+from tsplat.io.sources import local_file
 from tsplat.scene import Gaussians
 
 __all__ = ["TrainingCamera", "demo_path", "load", "load_cameras", "save", "train_focal_beside"]
@@ -70,20 +70,14 @@ def load(
         Splats were left out or mended; the text says how many.
     """
     options = LoadOptions(max_splats, raw_opacity, spz_frame, lod)
-    try:
-        with local_file(path, lod, progress or (lambda _: None), fetched or (lambda *_: None)) as (local, reading):
-            known = find_format(_head(local), local.name)
-            if known is None:
-                names = ", ".join(f"{known.name} ({', '.join(known.suffixes)})" for known in FORMATS)
-                raise LoadError(local, f"is of no known format, expected {names}; convert it first", 0)
-            if options.lod and not known.levels:
-                raise OptionError(f"lod must be 0 in a scene that is not streamed, got {lod}")
-            return known.read(local, options, reading)
-    except OSError as error:
-        raise LoadError(called(path), f"cannot be read: {error.strerror or error}; check the path") from error
-    except MemoryError as error:
-        problem = "needs more memory than there is; keep fewer splats with max_splats"
-        raise LoadError(called(path), problem) from error
+    with local_file(path, lod, progress or (lambda _: None), fetched or (lambda *_: None)) as (local, reading):
+        known = find_format(_head(local), local.name)
+        if known is None:
+            names = ", ".join(f"{known.name} ({', '.join(known.suffixes)})" for known in FORMATS)
+            raise LoadError(local, f"is of no known format, expected {names}; convert it first", 0)
+        if options.lod and not known.levels:
+            raise OptionError(f"lod must be 0 in a scene that is not streamed, got {lod}")
+        return known.read(local, options, reading)
 
 
 def save(path: str | Path, gaussians: Gaussians) -> Path:

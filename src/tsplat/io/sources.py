@@ -75,12 +75,25 @@ def local_file(
     Raises
     ------
     LoadError
-        It cannot be got; `CorruptFileError` where it is packed and broken.
+        It cannot be got or read; `CorruptFileError` where it is packed and broken.
     """
-    if not is_elsewhere(source) and not is_packed(Path(source)):
-        yield Path(source), progress
-        return
     name = called(source)
+    try:
+        if not is_elsewhere(source) and not is_packed(Path(source)):
+            yield Path(source), progress
+            return
+        with _temporary_file(source, name, lod, progress, fetched) as place:
+            yield place, lambda fraction: progress(GETTING + (1.0 - GETTING) * fraction)
+    except OSError as error:
+        raise LoadError(name, f"cannot be read: {error.strerror or error}; check the path") from error
+    except MemoryError as error:
+        raise LoadError(name, "needs more memory than there is; keep fewer splats with max_splats") from error
+
+
+@contextmanager
+def _temporary_file(
+    source: str | Path, name: str, lod: int | None, progress: Progress, fetched: Fetched
+) -> Iterator[Path]:
     with TemporaryDirectory(prefix="tsplat-") as folder:
         place = Path(folder) / file_name(source)
         beside = name.rpartition("/")[0] if is_elsewhere(source) and source != STDIN else name
@@ -92,7 +105,7 @@ def local_file(
                     raise
                 problem = f"finds no room in {gettempdir()}: {error.strerror}; set TMPDIR to a larger folder"
                 raise LoadError(name, problem) from error
-            yield place, lambda fraction: progress(GETTING + (1.0 - GETTING) * fraction)
+            yield place
 
 
 def _get(source: str | Path, place: Path, lod: int | None, progress: Progress, fetched: Fetched) -> None:
