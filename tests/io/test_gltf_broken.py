@@ -297,6 +297,15 @@ def test_bytes_behind_the_chunks_and_zeros_behind_the_json_do_no_harm(tmp_path: 
     assert len(load_made(tmp_path, glb(text + bytes(-len(text) % 4 + 4), bytes(made.content)))) == 2
 
 
+def test_colours_of_points_without_opacities_are_not_enough(tmp_path: Path) -> None:
+    made = small()
+    attributes = made.root["meshes"][0]["primitives"][0]["attributes"]
+    del attributes[f"{FIRST}OPACITY"]
+    attributes["COLOR_0"] = made.accessor(np.zeros((2, 3)), "uint8", normalized=True)
+    with pytest.raises(CorruptFileError, match=r"accessors\[5\]\.type is 'VEC3', expected VEC4"):
+        load_made(tmp_path, made)
+
+
 def test_a_negative_scale_is_named_with_its_row(tmp_path: Path) -> None:
     made = small()
     made.root["meshes"][0]["primitives"][0]["attributes"][f"{FIRST}SCALE"] = made.accessor(
