@@ -31,12 +31,15 @@ class Level(NamedTuple):
         From 0 to 1.
     sh : ndarray of float32, [N, K, 3]
         As in `Gaussians`.
+    errors : ndarray of float32, [ceil(N / BLOCK)]
+        What merging changed in each block, see `tsplat.lod.merge.merge`; 0 where nothing was merged.
     """
 
     means: F32
     covars: F32
     opacities: F32
     sh: F32
+    errors: F32
 
 
 def finest(gaussians: Gaussians, order: npt.NDArray[np.int32], threads: int) -> Level:
@@ -71,6 +74,7 @@ def _empty(n: int, k: int) -> Level:
         np.empty((n, 6), np.float32),
         np.empty(n, np.float32),
         np.empty((n, k, 3), np.float32),
+        np.zeros(-(-n // BLOCK), np.float32),
     )
 
 
@@ -122,5 +126,5 @@ def _merge_nodes(worker, job):
             return
         low = node * 2 * BLOCK
         take(job.level, low, min(low + 2 * BLOCK, len(job.level.means)), scratch)
-        merge(scratch, job.starts[node + 1] - job.starts[node])
+        job.merged.errors[node] = merge(scratch, job.starts[node + 1] - job.starts[node])
         keep(scratch, job.merged, job.starts[node])
