@@ -28,6 +28,7 @@ with atheris.instrument_imports(include=["tsplat.io"]):
 
 TARGETS = {
     "ply": ("PLY", "PLY behind faces", "PLY, big-endian", "PLY, ASCII"),
+    "gzip": ("PLY in gzip",),
     "compressed-ply": ("compressed PLY", "compressed PLY, old"),
     "splat": ("splat",),
     "ksplat": ("ksplat 0", "ksplat 1", "ksplat 2", "ksplat of GaussForge"),

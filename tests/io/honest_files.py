@@ -99,6 +99,7 @@ HONEST: dict[str, Files] = {
     "PLY behind faces": {"scene.ply": ply_bytes([FACES, _vertices(1), replace(FACES, name="edge")])},
     "PLY, big-endian": {"scene.ply": ply_bytes([FACES, _vertices(0, "double")], "binary_big_endian")},
     "PLY, ASCII": {"scene.ply": ply_bytes([FACES, _vertices(0)], "ascii")},
+    "PLY in gzip": {"scene.ply.gz": zipped(ply_bytes([_vertices(0)]))},
     "compressed PLY": {"scene.compressed.ply": ply_bytes(small_tables(1, 5))},
     "compressed PLY, old": {"scene.compressed.ply": ply_bytes(small_tables(0, 300, colors=False))},
     "splat": {"scene.splat": b"".join(record(means=(i, 0, -i), scales=(0.1, 1, i)) for i in range(6))},

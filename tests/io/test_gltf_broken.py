@@ -320,6 +320,15 @@ def test_quats_whose_squares_leave_float32_are_stretched_like_others(tmp_path: P
         np.testing.assert_allclose(found.scales, scenes[0].scales, rtol=1e-5)
 
 
+def test_colours_of_points_without_opacities_are_not_enough(tmp_path: Path) -> None:
+    made = small()
+    attributes = made.root["meshes"][0]["primitives"][0]["attributes"]
+    del attributes[f"{FIRST}OPACITY"]
+    attributes["COLOR_0"] = made.accessor(np.zeros((2, 3)), "uint8", normalized=True)
+    with pytest.raises(CorruptFileError, match=r"accessors\[5\]\.type is 'VEC3', expected VEC4"):
+        load_made(tmp_path, made)
+
+
 def test_a_negative_scale_is_named_with_its_row(tmp_path: Path) -> None:
     made = small()
     made.root["meshes"][0]["primitives"][0]["attributes"][f"{FIRST}SCALE"] = made.accessor(

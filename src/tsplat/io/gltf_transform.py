@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tsplat.io.gltf_splats import Arrays
-from tsplat.sh_rotation import DECIMALS, rotate_sh
+from tsplat.sh_rotation import rotate_sh
 
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
@@ -37,8 +37,7 @@ def move(splats: Arrays, matrix: F64) -> None:
         splats.means[:] = np.nan
         return
     left, stretches, right = np.linalg.svd(linear)
-    # Rounded, so that turns about the axes only move numbers and change signs.
-    nearest = (left @ right).round(DECIMALS)
+    nearest = left @ right
     even = stretches[0] - stretches[2] <= EVEN * stretches[0]
     turn = _multiplier(quats_of((nearest * np.sign(np.linalg.det(nearest)))[None])[0])
     for first in range(0, len(splats.means), CHUNK):
