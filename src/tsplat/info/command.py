@@ -6,12 +6,12 @@ import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import rich_click as click
 
-from tsplat.arguments import scene_path
 from tsplat.errors import LoadWarning
-from tsplat.options import load_scene, shared
+from tsplat.options import loaded_scene, shared
 
 
 @click.command("info")
@@ -21,10 +21,12 @@ from tsplat.options import load_scene, shared
 def info(scene: str, as_json: bool, max_splats: int | None, raw_opacity: bool) -> None:
     """Print what SCENE, or `demo`, holds, how its values are spread, and what looks wrong in it."""
     from tsplat.info.document import document
+    from tsplat.io.sources import called
 
-    with _load_warnings() as problems:
-        gaussians = load_scene(scene, max_splats, raw_opacity)
-    found = document(scene, scene_path(scene), gaussians, problems, raw_opacity=raw_opacity, max_splats=max_splats)
+    name = called(scene)
+    with _load_warnings() as warned, loaded_scene(scene, max_splats, raw_opacity) as (gaussians, path):
+        problems = [text.removeprefix(f"{name}: ") for text in warned]
+        found = document(name, path, gaussians, problems, raw_opacity=raw_opacity, max_splats=max_splats)
     if as_json:
         import json
 
@@ -43,11 +45,15 @@ def info(scene: str, as_json: bool, max_splats: int | None, raw_opacity: bool) -
 def _load_warnings() -> Iterator[list[str]]:
     """Give a list that gets the texts of what readers warn of; other warnings are shown as ever."""
     texts: list[str] = []
-    with warnings.catch_warnings(record=True) as caught:
+    with warnings.catch_warnings():
+        show = warnings.showwarning
+
+        def hear(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
+            if issubclass(category, LoadWarning):
+                texts.append(str(message))
+            else:
+                show(message, category, *where, **more)
+
         warnings.simplefilter("always", LoadWarning)
+        warnings.showwarning = hear
         yield texts
-    for each in caught:
-        if issubclass(each.category, LoadWarning):
-            texts.append(str(each.message))
-        else:
-            warnings.showwarning(each.message, each.category, each.filename, each.lineno)

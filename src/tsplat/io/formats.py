@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Protocol
 
-from tsplat.io import compressed_ply_write, ksplat, npz, ply, sog, sog_write, splat, spz
+from tsplat.io import compressed_ply_write, gltf, gltf_write, ksplat, npz, ply, sog, sog_write, splat, spz
 from tsplat.io.options import LoadOptions
 from tsplat.scene import Gaussians
 
@@ -46,7 +46,7 @@ class Format:
     levels: bool = False
 
 
-HEAD_BYTES = 64
+HEAD_BYTES = 1024
 """How much of a file `Format.matches` gets to see."""
 
 FORMATS = (
@@ -55,6 +55,8 @@ FORMATS = (
     Format("NumPy", (".npz",), npz.matches, npz.read),
     Format("SOG", (".sog",), sog.matches, sog.read, sog_write.write, levels=True),
     Format("SOG", (".json",), sog.matches, sog.read, levels=True),
+    Format("GLB", (".glb",), gltf.matches_glb, gltf.read, gltf_write.write_glb),
+    Format("glTF", (".gltf",), gltf.matches_json, gltf.read, gltf_write.write_gltf),
     Format("SPZ", (".spz",), spz.matches, spz.read, spz.write),
     Format("ksplat", (".ksplat",), ksplat.matches, ksplat.read),
     Format("splat", (".splat",), splat.matches, splat.read, splat.write),

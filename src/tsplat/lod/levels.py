@@ -1,4 +1,4 @@
-"""Levels of detail: the scene itself in blocks, and each next level half as many splats, merged within two blocks."""
+"""Levels of detail: first the scene itself, and each next one half as many splats, merged within two blocks."""
 
 from __future__ import annotations
 
@@ -31,12 +31,15 @@ class Level(NamedTuple):
         From 0 to 1.
     sh : ndarray of float32, [N, K, 3]
         As in `Gaussians`.
+    errors : ndarray of float32, [ceil(N / BLOCK)]
+        What merging changed in each block, see `tsplat.lod.merge.merge`; 0 where nothing was merged.
     """
 
     means: F32
     covars: F32
     opacities: F32
     sh: F32
+    errors: F32
 
 
 def finest(gaussians: Gaussians, order: npt.NDArray[np.int32], threads: int) -> Level:
@@ -57,8 +60,7 @@ def coarser(level: Level, threads: int, kept: int | None = None) -> Level:
     nodes = -(-n // (2 * BLOCK))
     # Two blocks of the scene become one in the next level, the last one what it may.
     ends = np.minimum(np.arange(nodes + 1) * 2 * BLOCK, n)
-    share = 0.5 if kept is None else kept / n
-    starts = np.ceil(ends * share).astype(np.int64)
+    starts = -(-ends // 2) if kept is None else -(-ends * kept // n)
     merged = _empty(int(starts[-1]), level.sh.shape[1])
     team = new_team(1)
     on_threads(threads, team, _merge_nodes, _MergeJob(team, level, starts, merged))
@@ -71,6 +73,7 @@ def _empty(n: int, k: int) -> Level:
         np.empty((n, 6), np.float32),
         np.empty(n, np.float32),
         np.empty((n, k, 3), np.float32),
+        np.zeros(-(-n // BLOCK), np.float32),
     )
 
 
@@ -122,5 +125,5 @@ def _merge_nodes(worker, job):
             return
         low = node * 2 * BLOCK
         take(job.level, low, min(low + 2 * BLOCK, len(job.level.means)), scratch)
-        merge(scratch, job.starts[node + 1] - job.starts[node])
+        job.merged.errors[node] = merge(scratch, job.starts[node + 1] - job.starts[node])
         keep(scratch, job.merged, job.starts[node])

@@ -1,9 +1,11 @@
-"""Fewer splats that look alike: of all pairs that lie near, the one whose merging changes least is merged, again and again.
+"""Fewer splats that look alike: of all near pairs, that whose merging changes least is merged, again and again.
 
 Two splats become the one with their mass, mean and covariance, where the mass is opacity times area. What that
 changes is the integral of the squared difference, in closed form, of the two blurred Gaussians and the one they
-become, plus what their colours lose. Sources: Salmond 2009, *Mixture reduction algorithms for point and extended object
-tracking*, for moments; Williams and Maybeck 2003, *Cost-function-based Gaussian mixture reduction*, for the distance.
+become, plus what their colours lose.
+
+Sources: Salmond 2009, *Mixture reduction algorithms for point and extended object tracking*, for the moments; Williams
+and Maybeck 2003, *Cost-function-based Gaussian mixture reduction*, for the difference.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tsplat._jit import kernel, part
-from tsplat._lanes import LANES, exp2, load, maximum, splat, sqrt, store
+from tsplat._lanes import LANES, exp2, fma, load, maximum, minimum, splat, sqrt, store, where_above
 from tsplat.raster.prepare import BLOCK, SH_C0
 
 F32 = npt.NDArray[np.float32]
@@ -24,7 +26,7 @@ ROOM = 2 * BLOCK
 """Splats that are merged among each other."""
 
 BLUR = np.float32(1.0)
-"""Added to the sum of two covariances, in squares of the typical size: a difference that no pixel shows costs nothing."""
+"""Added to the sum of two covariances, in squares of the typical size: what no pixel shows costs nothing."""
 
 FOLD = np.float32(-0.5 * math.log2(math.e))
 """What a squared distance is multiplied by to be an exponent of base 2."""
@@ -64,10 +66,10 @@ class Scratch(NamedTuple):
         The neighbour that costs least.
     births, partners_births : ndarray of int32, [ROOM]
         How often each was merged, and its partner when the cost was worked out.
-    distances : ndarray of float32, [ROOM]
-        Squared, from one splat to all.
-    nearest, nearest_distances : ndarray of int32 and of float32, [LANES]
-        The splats nearest to one.
+    numbers : ndarray of float32, [ROOM]
+        0, 1, 2 and so on.
+    nearest, nearest_distances : ndarray of float32, [LANES]
+        Numbers of splats near to one, and their squared distances.
     lanes : ndarray of float32, [15 * LANES]
         What is known of these, side by side.
     frame : ndarray of float32, [5]
@@ -86,8 +88,8 @@ class Scratch(NamedTuple):
     partners: npt.NDArray[np.int32]
     births: npt.NDArray[np.int32]
     partners_births: npt.NDArray[np.int32]
-    distances: F32
-    nearest: npt.NDArray[np.int32]
+    numbers: F32
+    nearest: F32
     nearest_distances: F32
     lanes: F32
     frame: F32
@@ -101,7 +103,7 @@ def new_scratch(values):
         np.empty((ROOM, 6), np.float32), np.empty(ROOM, np.float32), np.empty((ROOM, 3), np.float32),
         np.empty((ROOM, values), np.float32), np.empty(ROOM, np.float32), np.empty(ROOM, np.float32),
         np.empty(ROOM, np.int32), np.empty(ROOM, np.int32), np.empty(ROOM, np.int32),
-        np.empty(ROOM, np.float32), np.empty(LANES, np.int32), np.empty(LANES, np.float32),
+        np.arange(ROOM).astype(np.float32), np.empty(LANES, np.float32), np.empty(LANES, np.float32),
         np.empty(15 * LANES, np.float32), np.empty(5, np.float32),
     )  # fmt: skip
 
@@ -148,13 +150,13 @@ def take(level, start, end, scratch):
 
 @part
 def merge(scratch, wanted):
-    """Merge until only so many are left."""
+    """Merge until only so many are left; return what that changes: square world units times squared opacity."""
     n = np.int64(scratch.frame[4])
     for i in range(n):
         scratch.alone[i] = _alone(scratch.covars, i)
     for i in range(n):
         _find_partner(i, scratch)
-    left = n
+    left, changed = n, 0.0
     while left > wanted:
         i, cost = 0, NEVER
         for each in range(n):
@@ -164,9 +166,11 @@ def merge(scratch, wanted):
         if scratch.births[j] != scratch.partners_births[i]:
             _find_partner(i, scratch)  # the partner is not what it was
             continue
+        changed += cost
         _merge_into(i, j, scratch)
         _find_partner(i, scratch)
         left -= 1
+    return changed * scratch.frame[3] ** 2
 
 
 @part
@@ -225,41 +229,36 @@ def _merge_into(i, j, scratch):
 @part
 def _find_partner(i, scratch):
     """Look among the nearest for the one that costs least to merge with."""
-    _measure_distances(i, scratch)
-    _find_nearest(scratch)
+    _find_nearest(i, scratch)
     _gather(scratch)
     store(scratch.lanes, LANE_COSTS * LANES, _costs(i, scratch))
     scratch.costs[i] = NEVER
     for lane in range(LANES):
         cost = scratch.lanes[LANE_COSTS * LANES + lane]
         if cost < scratch.costs[i] and scratch.nearest_distances[lane] < FAR:
-            j = scratch.nearest[lane]
+            j = np.int32(scratch.nearest[lane])
             scratch.costs[i], scratch.partners[i], scratch.partners_births[i] = cost, j, scratch.births[j]
 
 
 @part
-def _measure_distances(i, scratch):
-    x, y, z = scratch.x[i], scratch.y[i], scratch.z[i]
-    for j in range(ROOM):
-        dx, dy, dz = scratch.x[j] - x, scratch.y[j] - y, scratch.z[j] - z
-        scratch.distances[j] = dx * dx + dy * dy + dz * dz
-    scratch.distances[i] = NEVER
+def _find_nearest(i, scratch):
+    """Fill ``nearest`` and ``nearest_distances``: of those whose number leaves 0, 1 to 7 over by eight.
 
-
-@part
-def _find_nearest(scratch):
-    """Fill ``nearest`` and ``nearest_distances``, nearest first; where there are too few, at FAR."""
-    found, nearest = scratch.nearest_distances, scratch.nearest
-    for lane in range(LANES):
-        found[lane], nearest[lane] = FAR, 0
-    for j in range(ROOM):
-        distance = scratch.distances[j]
-        if distance < found[LANES - 1]:
-            lane = LANES - 1
-            while lane > 0 and found[lane - 1] > distance:
-                found[lane], nearest[lane] = found[lane - 1], nearest[lane - 1]
-                lane -= 1
-            found[lane], nearest[lane] = distance, j
+    The nearest of all is among them, and most of the next: which numbers splats of a node have is chance.
+    """
+    x, y, z = splat(scratch.x[i]), splat(scratch.y[i]), splat(scratch.z[i])
+    own_x = scratch.x[i]
+    scratch.x[i] = FAR
+    nearest, distances = load(scratch.numbers, 0), splat(FAR)
+    for first in range(0, ROOM, LANES):
+        dx, dy = load(scratch.x, first) - x, load(scratch.y, first) - y
+        dz = load(scratch.z, first) - z
+        squared = fma(dz, dz, fma(dy, dy, dx * dx))
+        nearest = where_above(distances, squared, load(scratch.numbers, first), nearest)
+        distances = minimum(distances, squared)
+    scratch.x[i] = own_x
+    store(scratch.nearest, 0, nearest)
+    store(scratch.nearest_distances, 0, distances)
 
 
 @part
