@@ -91,6 +91,7 @@ def test_the_file_has_the_layout_of_the_specification(tmp_path: Path, rng: np.ra
     assert scene.planes["shN_centroids"].shape == (5, 64 * 8, 4)
     with zipfile.ZipFile(path) as archive:
         assert {entry.compress_type for entry in archive.infolist()} == {zipfile.ZIP_STORED}
+        assert {entry.date_time[0] for entry in archive.infolist()} == {1980}, "no time is in the file"
         assert {archive.read(name)[12:16] for name in archive.namelist() if name != "meta.json"} == {b"VP8L"}
 
 
