@@ -44,7 +44,7 @@ TARGETS = {
 
 DEFAULTS = ("-timeout=10", "-rss_limit_mb=2048", "-max_len=16384", "-print_final_stats=1", "-detect_leaks=0")
 
-ROOM_BYTES = 1 << 29
+ROOM_BYTES = 1 << 30
 """What the process may grow by: NumPy asks for memory that it never touches, which libFuzzer does not see."""
 
 TRACED = 8

@@ -25,8 +25,8 @@ TRACED = 4
 BATCH_SECONDS = 60
 """A batch takes a second; a file that keeps a reader for so long would keep it for ever."""
 
-ROOM_BYTES = 1 << 28
-"""What the process may grow by: far above what any of these files needs, far below what they promise."""
+ROOM_BYTES = 1 << 30
+"""What the process may grow by: threads reserve addresses for themselves, but files that lie promise far more."""
 
 
 def damaged(name: str) -> Iterator[Files]:
