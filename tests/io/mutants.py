@@ -1,4 +1,4 @@
-"""Damage that files suffer and liars do, from a seed: the same mutants on every machine."""
+"""Damage that files suffer and liars do, from a seed."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ FLOATS = HALVES + tuple(
     for code in ("<f", ">f", "<d")
     for value in (math.nan, math.inf, -1.0, -0.0, 1e-22, 1e25)
 )
+"""What floats become: no numbers, and some whose squares are none in float32."""
 
 ESCAPES = (b"\x1b]0;name\x07\r\n", b"\\u001b[2J\\n")
 """What must not reach a terminal, as it is and as JSON has it."""
@@ -123,7 +124,7 @@ def _set_word(random: Random, raw: bytes, others: Sequence[bytes]) -> bytes:
     words = list(TEXT_NUMBER.finditer(raw, 0, TEXT_BYTES))
     if not words:
         return _set_number(random, raw, others)
-    word = random.choice(words[:8] if random.random() < 0.6 else words)  # counts come first
+    word = random.choice(words[:TEXT_COUNTS] if random.random() < 0.6 else words)  # counts come first
     new = random.choice(WORDS)
     if word.group().isdigit() and len(word.group()) < 20 and random.random() < 0.5:
         count = int(word.group())
