@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import os
 import re
@@ -175,19 +176,8 @@ def test_the_training_focal_matters_to_relative_alone(scene: Path, tmp_path: Pat
     assert not np.array_equal(at("relative", 20), at("relative", 2000))
 
 
-def test_info_says_what_the_scene_holds(capsys: pytest.CaptureFixture[str], scene: Path) -> None:
-    assert cli.main(["info", str(scene), "--json"]) == 0
-    summary = json.loads(capsys.readouterr().out)
-    assert (summary["count"], summary["sh_degree"]) == (300, 1)
-    assert cli.main(["info", str(scene)]) == 0
-    table = capsys.readouterr().out
-    for word in ("count", "300", "sh degree", "bulk radius", "memory", "MB", "percentile", "95 %"):
-        assert word in table
-
-
-def test_info_of_an_empty_scene_is_no_error(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_a_picture_of_an_empty_scene_is_no_error(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     path = save(tmp_path / "empty.ply", random_gaussians(np.random.default_rng(0), 0))
-    assert cli.main(["info", str(path)]) == 0
     assert cli.main(["render", str(path), "-o", str(tmp_path / "x.png"), "--width", "9", "--height", "9"]) == 0
     assert "0 of 0 splats" in capsys.readouterr().out
 
@@ -198,9 +188,10 @@ def test_a_warning_is_one_line(capsys: pytest.CaptureFixture[str], scene: Path, 
     broken[first : first + 4] = np.float32(np.nan).tobytes()
     path = tmp_path / "nan.ply"
     path.write_bytes(broken)
-    assert cli.main(["info", str(path), "--json"]) == 0
+    arguments = ["render", path, "-o", tmp_path / "x.png", "--width", 9, "--height", 9]
+    assert cli.main([str(argument) for argument in arguments]) == 0
     out, err = capsys.readouterr()
-    assert json.loads(out)["count"] == 299
+    assert "of 299 splats" in out
     assert err.startswith("tsplat: warning: ")
     assert err.count("\n") == 1
 
@@ -212,6 +203,19 @@ def test_a_truncated_file_is_one_line_without_a_traceback(scene: Path, tmp_path:
     assert done.returncode == 2
     assert done.stdout == b""
     assert done.stderr.startswith(b"tsplat: ")
+    assert done.stderr.count(b"\n") == 1
+
+
+def test_a_scene_may_come_through_a_pipe(scene: Path, tmp_path: Path) -> None:
+    out = tmp_path / "x.png"
+    done = process("render", "-", "-o", out, "--width", 40, "--height", 30, input=scene.read_bytes())
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert b"of 300 splats" in done.stdout
+    done = process("info", "-", "--json", input=gzip.compress(scene.read_bytes()))
+    assert json.loads(done.stdout)["splats"] == 300
+    done = process("-", input=scene.read_bytes()[:-10])
+    assert done.returncode == 2
+    assert done.stderr.startswith(b"tsplat: standard input: at byte ")
     assert done.stderr.count(b"\n") == 1
 
 
@@ -267,7 +271,7 @@ def test_help_is_quick_because_it_imports_nothing_heavy() -> None:
     code = "import sys; from tsplat import cli; cli.main(['--help']); print([m for m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=120, check=True)
     modules = done.stdout.decode().splitlines()[-1]
-    for heavy in ("'numba'", "'PIL'", "'blessed'", "'tsplat.viewer'", "'tsplat.raster'"):
+    for heavy in ("'numba'", "'PIL'", "'blessed'", "'asyncio'", "'fsspec'", "'tsplat.viewer'", "'tsplat.raster'"):
         assert heavy not in modules
 
 

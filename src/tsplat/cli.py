@@ -10,17 +10,17 @@ import os
 import sys
 import warnings
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import rich_click as click
 
 from tsplat import __version__
-from tsplat.arguments import DEMO, POINT, Triples, ViewByDefault
+from tsplat.arguments import DEMO, POINT, Triples, ViewByDefault, scene_name
 from tsplat.bench.command import bench
 from tsplat.doctor.command import doctor
 from tsplat.encode import ENCODERS, FALLBACK_CELL, PICTURES
 from tsplat.errors import LoadWarning, OptionError, TsplatError
+from tsplat.info.command import info
 from tsplat.options import load_scene, render_options, shared
 from tsplat.progress import wait_for_kernels
 from tsplat.record.command import record
@@ -67,8 +67,9 @@ def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
 def command() -> None:
     """Show 3D Gaussian splat scenes in this terminal, on the CPU.
 
-    `tsplat` opens the demo, `tsplat SCENE` opens a scene: fly through it, press ? for the keys. Into a
-    pipe it prints one picture as text. `tsplat view --help` lists the viewer's options.
+    `tsplat` opens the demo, `tsplat SCENE` opens a scene, which is a file, a URL, or - for standard input: fly
+    through it, press ? for the keys. Into a pipe it prints one picture as text. `tsplat view --help` lists the
+    viewer's options.
     """
 
 
@@ -105,7 +106,7 @@ def view(scene: str, output: str | None, up: Vector | None, fov_y: float, raw_op
     from tsplat import viewer
 
     return viewer.view(
-        gaussians, chosen, name=Path(scene).stem, output=output, up=up, fov_y=fov_y, raw_opacity=raw_opacity,
+        gaussians, chosen, name=scene_name(scene), output=output, up=up, fov_y=fov_y, raw_opacity=raw_opacity,
         latency=1e-3 * latency, dither=dither,
     )  # fmt: skip
 
@@ -143,23 +144,7 @@ def render(scene: str, output: str, width: int, height: int, max_splats: int | N
     print(f"{path}: {width} x {height}, {splats}, rendered in {milliseconds:.0f} ms", flush=True)
 
 
-@command.command()
-@click.argument("scene")
-@click.option("--json", "as_json", is_flag=True, help="As JSON, for programs.")
-@shared("max-splats", "raw-opacity")
-def info(scene: str, as_json: bool, max_splats: int | None, raw_opacity: bool) -> None:
-    """Print the count, bounds, percentiles and memory of SCENE, or `demo`."""
-    from tsplat.summary import summarize
-
-    summary = summarize(load_scene(scene, max_splats, raw_opacity)).as_dict()
-    if as_json:
-        import json
-
-        print(json.dumps(summary, indent=2), flush=True)
-    else:
-        _print_table(scene, summary)
-
-
+command.add_command(info)
 command.add_command(bench)
 command.add_command(doctor)
 command.add_command(record)
@@ -214,31 +199,3 @@ def _print_frame(
     sys.stdout.flush()
     sys.stdout.buffer.writelines(cells.lines(frame))
     sys.stdout.buffer.flush()
-
-
-def _print_table(scene: str, summary: dict[str, Any]) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    plain = Table(show_header=False, title=scene, title_justify="left", box=None, pad_edge=False)
-    plain.add_column(style="bold")
-    plain.add_column()
-    for name, value in summary.items():
-        if not isinstance(value, dict):
-            plain.add_row(*_shown(name, value))
-    percentiles = {name: value for name, value in summary.items() if isinstance(value, dict) and value}
-    spread = Table("percentile", *percentiles, box=None, pad_edge=False)
-    for percent in next(iter(percentiles.values()), {}):
-        spread.add_row(f"{percent} %", *(f"{values[percent]:.3g}" for values in percentiles.values()))
-    console = Console()
-    console.print(plain, "", spread if percentiles else "")
-    sys.stdout.flush()
-
-
-def _shown(name: str, value: Any) -> tuple[str, str]:
-    if name == "nbytes":
-        return "memory", f"{value / 1e6:,.1f} MB"
-    if isinstance(value, (list, tuple)):
-        return name.replace("_", " "), "  ".join(f"{number:.4g}" for number in value)
-    text = f"{value:,}" if isinstance(value, int) else f"{value:.4g}" if isinstance(value, float) else str(value)
-    return name.replace("_", " "), text

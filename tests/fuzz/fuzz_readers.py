@@ -28,10 +28,14 @@ with atheris.instrument_imports(include=["tsplat.io"]):
 
 TARGETS = {
     "ply": ("PLY", "PLY behind faces", "PLY, big-endian", "PLY, ASCII"),
+    "gzip": ("PLY in gzip",),
     "compressed-ply": ("compressed PLY", "compressed PLY, old"),
     "splat": ("splat",),
     "ksplat": ("ksplat 0", "ksplat 1", "ksplat 2", "ksplat of GaussForge"),
     "spz": ("SPZ 1", "SPZ 2", "SPZ 3", "SPZ without gzip", "SPZ 4", "SPZ 4 of degree 0"),
+    "glb": ("GLB", "GLB of SPZ"),
+    "gltf": ("glTF",),
+    "npz": ("NumPy", "NumPy, deflated"),
     "sog": ("SOG", "SOG, deflated", "SOG 1"),
     "sog-folder": ("SOG in a folder", "SOG 1 in a folder"),
     "sog-streamed": ("SOG, streamed",),
@@ -40,7 +44,7 @@ TARGETS = {
 
 DEFAULTS = ("-timeout=10", "-rss_limit_mb=2048", "-max_len=16384", "-print_final_stats=1", "-detect_leaks=0")
 
-ROOM_BYTES = 1 << 29
+ROOM_BYTES = 1 << 30
 """What the process may grow by: NumPy asks for memory that it never touches, which libFuzzer does not see."""
 
 TRACED = 8

@@ -18,6 +18,7 @@ import numpy as np
 import zstandard
 from PIL import Image
 
+from tests.io.gltfs import glb
 from tests.io.sogs import webp, zipped
 
 MOST_BYTES = 1 << 20
@@ -26,6 +27,7 @@ MOST_BYTES = 1 << 20
 BROKEN = (
     *(OSError, EOFError, ValueError, RuntimeError, NotImplementedError, SyntaxError),
     *(zlib.error, struct.error, zipfile.BadZipFile, zstandard.ZstdError),
+    *(Image.DecompressionBombError, Image.DecompressionBombWarning),
 )
 """What a container that is damaged itself makes its library raise."""
 
@@ -96,9 +98,16 @@ def _open_spz(raw: bytes) -> Opened:
     return Opened(parts, pack)
 
 
+def _open_glb(raw: bytes) -> Opened:
+    """Open the JSON and the binary chunk."""
+    (size,) = struct.unpack_from("<I", raw, 12)
+    return Opened([raw[20 : 20 + size], raw[28 + size :]], lambda parts: glb(parts[0], parts[1]))
+
+
 OPENERS: dict[bytes, Callable[[bytes], Opened]] = {
     b"\x1f\x8b": _open_gzip,
     b"PK\x03\x04": _open_zip,
     b"RIFF": _open_webp,
+    b"glTF": _open_glb,
     b"NGSP\x04\0\0\0": _open_spz,
 }

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import json
 import zipfile
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,11 +13,14 @@ import numpy as np
 
 from tests.io import sogs
 from tests.io.compressed_plys import small_tables
+from tests.io.gltfs import EXTENSION, SPLATTING, Made, scene_of
 from tests.io.ksplats import Part, gaussforge, ksplat
 from tests.io.plys import Table, ply_bytes, splat_names, splats
 from tests.io.splats import record
 from tests.io.spzs import SH_VALUES, Splat, bare, framed, zipped
+from tests.io.test_npz import named, trained
 from tests.scenes import random_gaussians
+from tsplat.io.gltf_packed import SPZ
 
 Files = dict[str, bytes]
 """Contents by name; the first one is opened."""
@@ -45,6 +50,35 @@ def _gzipped_spz(version: int) -> bytes:
     return zipped(bare(_spz_splats(version), version, 1))
 
 
+def _turned_gltf() -> Made:
+    """Return a glTF of the same splats in two places, one of them turned, stretched and mirrored."""
+    made = scene_of(SCENE)
+    made.root["nodes"] = [
+        {"children": [1, 2]},
+        {"mesh": 0},
+        {"mesh": 0, "scale": [1, -2, 3], "rotation": [0, 1, 0, 1]},
+    ]
+    made.root["accessors"][0]["sparse"] = {
+        "count": 2,
+        "indices": {"bufferView": made.view(bytes([1, 5])), "componentType": 5121},
+        "values": {"bufferView": made.view(bytes(24))},
+    }
+    return made
+
+
+def _packed_glb() -> bytes:
+    made = Made()
+    packed = {"extensions": {SPZ[0]: {"bufferView": made.view(_gzipped_spz(3))}}}
+    made.primitive({}, extensions={EXTENSION: {**SPLATTING, **packed}})
+    return made.glb()
+
+
+def _checkpoint(save: Callable[..., None]) -> bytes:
+    stream = io.BytesIO()
+    save(stream, **named(trained(SCENE), "splats.", False))
+    return stream.getvalue()
+
+
 def _folder(scene: sogs.Scene) -> Files:
     return scene.files()
 
@@ -65,6 +99,7 @@ HONEST: dict[str, Files] = {
     "PLY behind faces": {"scene.ply": ply_bytes([FACES, _vertices(1), replace(FACES, name="edge")])},
     "PLY, big-endian": {"scene.ply": ply_bytes([FACES, _vertices(0, "double")], "binary_big_endian")},
     "PLY, ASCII": {"scene.ply": ply_bytes([FACES, _vertices(0)], "ascii")},
+    "PLY in gzip": {"scene.ply.gz": zipped(ply_bytes([_vertices(0)]))},
     "compressed PLY": {"scene.compressed.ply": ply_bytes(small_tables(1, 5))},
     "compressed PLY, old": {"scene.compressed.ply": ply_bytes(small_tables(0, 300, colors=False))},
     "splat": {"scene.splat": b"".join(record(means=(i, 0, -i), scales=(0.1, 1, i)) for i in range(6))},
@@ -76,6 +111,15 @@ HONEST: dict[str, Files] = {
     "SPZ without gzip": {"scene.spz": bare(_spz_splats(2), 2, 1)},
     "SPZ 4": {"scene.spz": _framed_spz()},
     "SPZ 4 of degree 0": {"scene.spz": _framed_spz(0)},
+    "GLB": {"scene.glb": scene_of(SCENE).glb()},
+    "glTF": {"scene.gltf": _turned_gltf().gltf()},
+    "glTF in a folder": {
+        "scene.gltf": scene_of(SCENE).gltf("scene.bin"),
+        "scene.bin": bytes(scene_of(SCENE).content),
+    },
+    "GLB of SPZ": {"scene.glb": _packed_glb()},
+    "NumPy": {"scene.npz": _checkpoint(np.savez)},
+    "NumPy, deflated": {"scene.npz": _checkpoint(np.savez_compressed)},
     "SOG": {"scene.sog": sogs.made_up(RNG).zipped()},
     "SOG, deflated": {"scene.sog": sogs.made_up(RNG, bands=0).zipped(zipfile.ZIP_DEFLATED)},
     "SOG 1": {"scene.sog": sogs.made_up_old(RNG).zipped()},

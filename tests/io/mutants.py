@@ -1,11 +1,11 @@
-"""Damage that files suffer and liars do, from a seed: the same mutants on every machine."""
+"""Damage that files suffer and liars do, from a seed."""
 
 from __future__ import annotations
 
 import math
 import re
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from random import Random
 
 from tests.io.containers import opened
@@ -20,13 +20,25 @@ FLOATS = HALVES + tuple(
     for code in ("<f", ">f", "<d")
     for value in (math.nan, math.inf, -1.0, -0.0, 1e-22, 1e25)
 )
+"""What floats become: no numbers, and some whose squares are none in float32."""
+
+ESCAPES = (b"\x1b]0;name\x07\r\n", b"\\u001b[2J\\n")
+"""What must not reach a terminal, as it is and as JSON has it."""
 
 WORDS = (b"0", b"-1", b"2147483647", b"4294967295", b"18446744073709551616", b"1e308", b"-1e-320", b"NaN", b"null")
 """What a number in text becomes."""
 
 TEXT_NUMBER = re.compile(rb"(?<![\w.])-?\d+(?:\.\d+)?(?:e-?\d+)?")
+JSON_COUNT = re.compile(rb'"(\w*(?i:count|shape|length|offset|stride|file|bands|levels|version))": ?\[?(\d+)')
 TEXT_BYTES = 4096
 """How far numbers in text are looked for: headers of binary files are no longer."""
+
+LIES = (b"0", b"2147483647", b"4294967295")
+HEAD_CHARS, TEXT_COUNTS = 64, 8
+"""Where a head is text, and how many numbers may be counts where no names tell."""
+
+HEAD_BYTES, COUNTS = 5120, 24
+"""The same of a binary one: that of a .ksplat is the longest."""
 
 Mutation = Callable[[Random, bytes, Sequence[bytes]], bytes]
 
@@ -56,6 +68,37 @@ def mutant(random: Random, raw: bytes, others: Sequence[bytes] = (), change: Mut
     return raw
 
 
+def liars(raw: bytes) -> Iterator[bytes]:
+    """Yield a file with one number of its head after the other made larger than what is there, or nothing.
+
+    Heads of containers lie in their first part.
+    """
+    inside = opened(raw)
+    if inside and inside.parts:
+        for lie in liars(inside.parts[0]):
+            yield inside.pack([lie, *inside.parts[1:]])
+    if raw[:HEAD_CHARS].isascii():
+        for first, last in _counts(raw):
+            for new in (raw[first:last] + b"000", b"1" + raw[first:last], *LIES):
+                yield raw[:first] + new + raw[last:]
+    else:
+        places = [at for at in range(0, min(len(raw), HEAD_BYTES), 4) if any(raw[at : at + 4])]
+        for at in places[:COUNTS]:
+            found = int.from_bytes(raw[at : at + 4], "little")
+            for number in (found + 1, found * 1000, 2**32 - 1):
+                yield _replaced(raw, at, (number % 2**32).to_bytes(4, "little"))
+
+
+def _counts(raw: bytes) -> list[tuple[int, int]]:
+    """Return where the counts of a head in text begin and end."""
+    if not raw.lstrip().startswith(b"{"):
+        return [word.span() for word in TEXT_NUMBER.finditer(raw, 0, TEXT_BYTES)][:TEXT_COUNTS]
+    spans: dict[bytes, list[tuple[int, int]]] = {}
+    for found in JSON_COUNT.finditer(raw):
+        spans.setdefault(found[1], []).append(found.span(2))
+    return [span for each in spans.values() for span in each[:2]]
+
+
 def _flip_bit(random: Random, raw: bytes, _: Sequence[bytes]) -> bytes:
     at = _place(random, raw)
     return _replaced(raw, at, bytes([raw[at] ^ 1 << random.randrange(8)])) if raw else raw
@@ -81,11 +124,12 @@ def _set_word(random: Random, raw: bytes, others: Sequence[bytes]) -> bytes:
     words = list(TEXT_NUMBER.finditer(raw, 0, TEXT_BYTES))
     if not words:
         return _set_number(random, raw, others)
-    word = random.choice(words[:8] if random.random() < 0.6 else words)  # counts come first
-    near = []
-    if word.group().isdigit() and len(word.group()) < 20:
-        near = [str(int(word.group()) + step).encode() for step in (-1, 1)] + [word.group() + b"000"]
-    return raw[: word.start()] + random.choice((*near, *WORDS)) + raw[word.end() :]
+    word = random.choice(words[:TEXT_COUNTS] if random.random() < 0.6 else words)  # counts come first
+    new = random.choice(WORDS)
+    if word.group().isdigit() and len(word.group()) < 20 and random.random() < 0.5:
+        count = int(word.group())
+        new = str(random.choice((count - 1, count + 1, 1000 * count))).encode()
+    return raw[: word.start()] + new + raw[word.end() :]
 
 
 def _cut(random: Random, raw: bytes, _: Sequence[bytes]) -> bytes:
@@ -104,7 +148,7 @@ def _delete(random: Random, raw: bytes, _: Sequence[bytes]) -> bytes:
 
 def _insert(random: Random, raw: bytes, _: Sequence[bytes]) -> bytes:
     at, size = random.randrange(len(raw) + 1), random.choice((1, 4, 16, 300))
-    block = random.choice((bytes(size), b"\xff" * size, random.randbytes(size), b"\x1b]0;name\x07\r\n"))
+    block = random.choice((bytes(size), b"\xff" * size, random.randbytes(size), *ESCAPES))
     return raw[:at] + block + raw[at:]
 
 

@@ -24,7 +24,6 @@ LINE_CHARS = 600
 SPARE_BYTES = 8 << 20
 """Buffers and tables of fixed size that a reader has beside what it reads."""
 
-
 OPTIONS: tuple[dict[str, Any], ...] = (
     *({}, {"max_splats": 2}, {"raw_opacity": True}),
     {"max_splats": 1000, "spz_frame": "rdf", "lod": None},

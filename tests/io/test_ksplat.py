@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from tests.io.ksplats import SH_RANGE, STEP, Part, gaussforge, ksplat
+from tests.io.outcomes import within_memory
 from tests.io.splat_files import SCENES, apart, in_bytes, likeness, needs_scenes
 from tests.scenes import random_gaussians
 from tsplat import io
@@ -148,6 +149,17 @@ def test_a_header_that_lies_is_one_clear_line(tmp_path: Path, name: str) -> None
     with pytest.raises(LoadError, match=message) as caught:
         load_bytes(tmp_path, patched(small(), offset, code, *values))
     assert "\n" not in str(caught.value)
+
+
+def test_buckets_of_no_splats_take_no_room(tmp_path: Path) -> None:
+    # Buckets of no bytes fit into any file.
+    raw = patched(patched(small(), 16, "<I", 0), 4096, "<4I", 0, 0, 4, 2**32 - 1)
+    raw = patched(patched(raw, 4096 + 20, "<H", 0), 4096 + 32, "<2I", 2**32 - 1, 0)
+    path = tmp_path / "scene.ksplat"
+    path.write_bytes(raw[:5120])
+    gaussians = within_memory(path, 0)
+    assert gaussians is not None
+    assert len(gaussians) == 0
 
 
 def test_harmonics_in_bytes_need_a_range_of_numbers(tmp_path: Path) -> None:

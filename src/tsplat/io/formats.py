@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Protocol
 
-from tsplat.io import compressed_ply_write, ksplat, ply, sog, splat, spz
+from tsplat.io import compressed_ply_write, gltf, gltf_write, ksplat, npz, ply, sog, sog_write, splat, spz
 from tsplat.io.options import LoadOptions
 from tsplat.scene import Gaussians
 
@@ -46,13 +46,17 @@ class Format:
     levels: bool = False
 
 
-HEAD_BYTES = 64
+HEAD_BYTES = 1024
 """How much of a file `Format.matches` gets to see."""
 
 FORMATS = (
     Format("PLY", (".ply",), ply.matches, ply.read, ply.write),
     Format("compressed PLY", (".compressed.ply",), ply.matches, ply.read, compressed_ply_write.write),
-    Format("SOG", (".sog", ".json"), sog.matches, sog.read, levels=True),
+    Format("NumPy", (".npz",), npz.matches, npz.read),
+    Format("SOG", (".sog",), sog.matches, sog.read, sog_write.write, levels=True),
+    Format("SOG", (".json",), sog.matches, sog.read, levels=True),
+    Format("GLB", (".glb",), gltf.matches_glb, gltf.read, gltf_write.write_glb),
+    Format("glTF", (".gltf",), gltf.matches_json, gltf.read, gltf_write.write_gltf),
     Format("SPZ", (".spz",), spz.matches, spz.read, spz.write),
     Format("ksplat", (".ksplat",), ksplat.matches, ksplat.read),
     Format("splat", (".splat",), splat.matches, splat.read, splat.write),
@@ -60,11 +64,15 @@ FORMATS = (
 
 
 def find_format(head: bytes, name: str) -> Format | None:
-    """Return the format of a file by its first bytes, then by how its name ends, the longest first, or None."""
-    for known in FORMATS:
-        if known.matches(head):
-            return known
+    """Return the format of a file, or None.
+
+    Its first bytes decide; where they fit several formats or none, the longest ending of its name does.
+    """
+    fitting = [known for known in FORMATS if known.matches(head)]
     ends = [
-        (len(suffix), known) for known in FORMATS for suffix in known.suffixes if name.lower().endswith(suffix)
+        (len(suffix), known)
+        for known in fitting or FORMATS
+        for suffix in known.suffixes
+        if name.lower().endswith(suffix)
     ]
-    return max(ends, key=lambda end: end[0], default=(0, None))[1]
+    return max(ends, key=lambda end: end[0], default=(0, fitting[0] if fitting else None))[1]

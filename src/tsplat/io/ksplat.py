@@ -85,7 +85,8 @@ def _pieces(file: BinaryIO, path: Path, header: Header, progress: Callable[[floa
     # Yields where splats will be, their section, their records, and the centres of their buckets or zero.
     done = 0
     for section in header.sections:
-        ends, centers = _buckets(file, path, section) if header.level else (NO_ENDS, ORIGIN)
+        packed = header.level and section.count  # the buckets of no splats were not checked
+        ends, centers = _buckets(file, path, section) if packed else (NO_ENDS, ORIGIN)
         for rows in chunks(section.count):
             offset = section.start + rows.start * section.record.itemsize
             records = _array(file, path, section.record, rows.stop - rows.start, offset)

@@ -87,6 +87,10 @@ class Archive:
         self._zip.close()
         self._file.close()
 
+    def names(self) -> list[str]:
+        """Return the names of all files."""
+        return list(self._zip.NameToInfo)
+
     def size(self, name: str) -> int:
         entry = self._find(name)
         # Zeros cost nothing in a zip, and its directory may say anything.
@@ -110,7 +114,7 @@ class Archive:
     def corrupt(self, name: str, problem: str) -> CorruptFileError:
         entry = self._zip.NameToInfo.get(name)
         offset = entry.header_offset if entry else None
-        return CorruptFileError(self.path, f"{name!a} {problem}; fetch it again", offset)
+        return CorruptFileError(self.path, f"{ascii(name)[:NAME_CHARS]} {problem}; fetch it again", offset)
 
     def _find(self, name: str) -> zipfile.ZipInfo:
         entry = self._zip.NameToInfo.get(name)

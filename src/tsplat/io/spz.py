@@ -39,13 +39,13 @@ UNPACKED = 0.9
 def matches(head: bytes) -> bool:
     """Tell whether a file that begins with these bytes is an SPZ.
 
-    No other format read here is gzip, so a gzip file counts unless it unpacks to something else: 64 bytes are
-    often too few to unpack any.
+    The tables of a deflate block take less than half of `tsplat.io.formats.HEAD_BYTES`, so enough is there to
+    unpack the first bytes; gzip around anything else is no SPZ.
     """
     if not head.startswith(GZIP_MAGIC):
         return head.startswith(MAGIC)
     try:
-        return zlib.decompressobj(31).decompress(head, len(MAGIC)) in (MAGIC, b"")
+        return zlib.decompressobj(31).decompress(head, len(MAGIC)) == MAGIC
     except zlib.error:
         return False
 
@@ -67,7 +67,9 @@ def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) ->
     """
     with path.open("rb") as file:
         size = os.fstat(file.fileno()).st_size
-        header, arrays = unpack(path, file, size, progress, turned=options.spz_frame == "rub")
+        header, streams = open_streams(path, file, size)
+        arrays = Arrays.empty(header.count, 1 + REST_COEFFICIENTS[header.sh_degree])
+        fill(arrays, header, streams, progress, turned=options.spz_frame == "rub")
     if header.flags & ~ANTIALIASED:
         problem = f"flags {header.flags:#x} announce extensions, which were not read"
         warnings.warn(f"{path}: {problem}; the scene may be meant otherwise", LoadWarning, stacklevel=3)
@@ -77,10 +79,8 @@ def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) ->
     return gaussians
 
 
-def unpack(
-    path: Path, file: BinaryIO, size: int, progress: Callable[[float], None], *, turned: bool
-) -> tuple[Header, Arrays]:
-    """Read an SPZ to its end.
+def open_streams(path: Path, file: BinaryIO, size: int) -> tuple[Header, Streams]:
+    """Return the header of an SPZ and what reads its streams.
 
     Parameters
     ----------
@@ -90,23 +90,45 @@ def unpack(
         The SPZ and nothing else, open at its beginning.
     size : int
         Its length in bytes.
-    progress : callable
-        Called with the fraction done.
-    turned : bool
-        Turn the scene from the axes of the format to right, down, front.
-
-    Returns
-    -------
-    tuple of Header and Arrays
-        As `tsplat.io.finish.finish` takes them.
 
     Raises
     ------
     LoadError
         As for `read`.
     """
-    header, streams = _open(path, file, size)
-    arrays = Arrays.empty(header.count, 1 + REST_COEFFICIENTS[header.sh_degree])
+    head = file.read(HEADER.size)
+    if head.startswith(GZIP_MAGIC):
+        file.seek(0)
+        packed = GzipStreams(path, file, size)
+        return packed.header, packed
+    if not head.startswith(MAGIC):
+        problem = f"begins with {head[:4]!r}, expected {MAGIC!r} or gzip; fetch it again"
+        raise CorruptFileError(path, problem, 0)
+    header = parse_header(path, head, (1, 2, 3, 4))
+    return header, (ZstdStreams if header.version == 4 else BareStreams)(path, file, size, header)
+
+
+def fill(
+    arrays: Arrays, header: Header, streams: Streams, progress: Callable[[float], None], *, turned: bool
+) -> None:
+    """Read an SPZ to its end.
+
+    Parameters
+    ----------
+    arrays : Arrays
+        Of the size that the header says; filled as `tsplat.io.finish.finish` takes them.
+    header, streams : Header, Streams
+        As from `open_streams`.
+    progress : callable
+        Called with the fraction done; what is left is for `tsplat.io.finish.finish`.
+    turned : bool
+        Turn the scene from the axes of the format to right, down, front.
+
+    Raises
+    ------
+    CorruptFileError
+        As for `read`.
+    """
 
     def pieces() -> Iterator[tuple[str, slice, bytes]]:
         done, need = 0, header.need
@@ -124,7 +146,6 @@ def unpack(
         decode(name, stream, header, turned, arrays.part(rows))
 
     on_threads(decode_piece, pieces())
-    return header, arrays
 
 
 def write(file: BinaryIO, gaussians: Gaussians) -> None:
@@ -145,16 +166,3 @@ def write(file: BinaryIO, gaussians: Gaussians) -> None:
     from tsplat.io.spz_encode import write_spz
 
     write_spz(file, gaussians)
-
-
-def _open(path: Path, file: BinaryIO, size: int) -> tuple[Header, Streams]:
-    head = file.read(HEADER.size)
-    if head.startswith(GZIP_MAGIC):
-        file.seek(0)
-        packed = GzipStreams(path, file, size)
-        return packed.header, packed
-    if not head.startswith(MAGIC):
-        problem = f"begins with {head[:4]!r}, expected {MAGIC!r} or gzip; fetch it again"
-        raise CorruptFileError(path, problem, 0)
-    header = parse_header(path, head, (1, 2, 3, 4))
-    return header, (ZstdStreams if header.version == 4 else BareStreams)(path, file, size, header)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
+from contextvars import copy_context
 from typing import TypeVar
 
 import numpy as np
@@ -27,7 +28,8 @@ def on_threads(work: Callable[[Item], None], items: Iterable[Item]) -> None:
         about what overflows or is nan in it: `tsplat.io.finish.finish` looks for that.
     items : iterable
         Asked for the next item only when a thread has nothing to do, by one thread at a time: it may read a file,
-        and at most one item a thread is in memory.
+        and at most one item a thread is in memory. A context that it enters, such as that of `numpy.errstate`, it
+        leaves before it yields.
 
     Raises
     ------
@@ -56,7 +58,7 @@ def on_threads(work: Callable[[Item], None], items: Iterable[Item]) -> None:
     if not others:
         return run()
     with ThreadPoolExecutor(others) as pool:
-        running = [pool.submit(run) for _ in range(others)]
+        running = [pool.submit(copy_context().run, run) for _ in range(others)]
         run()
     for each in running:
         each.result()

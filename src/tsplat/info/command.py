@@ -1,0 +1,59 @@
+"""`tsplat info`: its arguments; everything else is imported when it runs."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import rich_click as click
+
+from tsplat.errors import LoadWarning
+from tsplat.options import loaded_scene, shared
+
+
+@click.command("info")
+@click.argument("scene")
+@click.option("--json", "as_json", is_flag=True, help="As JSON, for programs; docs/info.md describes it.")
+@shared("max-splats", "raw-opacity")
+def info(scene: str, as_json: bool, max_splats: int | None, raw_opacity: bool) -> None:
+    """Print what SCENE, or `demo`, holds, how its values are spread, and what looks wrong in it."""
+    from tsplat.info.document import document
+    from tsplat.io.sources import called
+
+    name = called(scene)
+    with _load_warnings() as warned, loaded_scene(scene, max_splats, raw_opacity) as (gaussians, path):
+        problems = [text.removeprefix(f"{name}: ") for text in warned]
+        found = document(name, path, gaussians, problems, raw_opacity=raw_opacity, max_splats=max_splats)
+    if as_json:
+        import json
+
+        print(json.dumps(found, indent=2, allow_nan=False), flush=True)
+        return
+    from rich.console import Console
+
+    from tsplat.info.report import report
+
+    console = Console(highlight=False)
+    console.print(report(found, console.width, blocks=not console.options.ascii_only))
+    sys.stdout.flush()
+
+
+@contextmanager
+def _load_warnings() -> Iterator[list[str]]:
+    """Give a list that gets the texts of what readers warn of; other warnings are shown as ever."""
+    texts: list[str] = []
+    with warnings.catch_warnings():
+        show = warnings.showwarning
+
+        def hear(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
+            if issubclass(category, LoadWarning):
+                texts.append(str(message))
+            else:
+                show(message, category, *where, **more)
+
+        warnings.simplefilter("always", LoadWarning)
+        warnings.showwarning = hear
+        yield texts
