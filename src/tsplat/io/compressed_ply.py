@@ -109,7 +109,7 @@ def read_arrays(file: BinaryIO, path: Path, header: Header, progress: Callable[[
             low, high = (np.repeat(_of_chunks(ends, rows), CHUNK, 1)[:, : len(records)] for ends in bounds)
             _decode_splats(records, low, high, out)
         else:
-            steps = np.take(records.view(np.uint8).reshape(len(records), -1), rest_columns, axis=1, mode="clip")
+            steps = records.view(np.uint8).reshape(len(records), -1)[:, rest_columns]
             out.sh[:, 1:] = np.take(SH_LEVELS, steps, mode="clip").reshape(len(records), k - 1, 3)
 
     on_threads(decode, pieces())

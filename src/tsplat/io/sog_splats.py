@@ -46,12 +46,13 @@ def check_count(files: Files, meta: Meta) -> None:
     Raises
     ------
     CorruptFileError
-        There are too few bytes.
+        There are too few bytes or pixels.
     """
     size = files.size(meta.means_l)
     if meta.count > SPARE_PIXELS + SPLATS_A_BYTE * size:
         problem = f"holds {size} bytes, expected at least {meta.count // SPLATS_A_BYTE} for {meta.count} splats"
         raise files.corrupt(meta.means_l, problem)
+    plane_size(files, meta.means_l, meta.count)
 
 
 def count_coefficients(files: Files, meta: Meta) -> int:
