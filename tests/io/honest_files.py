@@ -111,7 +111,7 @@ HONEST: dict[str, Files] = {
     "SPZ without gzip": {"scene.spz": bare(_spz_splats(2), 2, 1)},
     "SPZ 4": {"scene.spz": _framed_spz()},
     "SPZ 4 of degree 0": {"scene.spz": _framed_spz(0)},
-    "GLB": {"scene.glb": scene_of(SCENE).glb()},
+    "GLB": {"scene.glb": _turned_gltf().glb()},
     "glTF": {"scene.gltf": _turned_gltf().gltf()},
     "glTF in a folder": {
         "scene.gltf": scene_of(SCENE).gltf("scene.bin"),

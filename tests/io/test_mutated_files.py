@@ -16,7 +16,7 @@ from tests.io.mutants import liars, mutant
 from tests.io.outcomes import OPTIONS, limited_growth, outcome, read_or_refused, within_memory
 from tsplat import io
 
-MUTANTS, MUTANTS_OF_SOG = 120, 50
+MUTANTS, MUTANTS_OF_SOG = 100, 40
 """Of each honest file; a SOG takes ten times as long as any other."""
 
 TRACED = 4

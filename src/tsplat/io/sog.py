@@ -23,6 +23,7 @@ from tsplat.io.sog_files import ZIP_MAGICS, Archive, Files, Folder
 from tsplat.io.sog_json import META_BYTES, Fields, read_fields
 from tsplat.io.sog_lod import Piece, Run, is_streamed, pieces_of_level
 from tsplat.io.sog_meta import Meta, parse_meta
+from tsplat.io.sog_planes import SPARE_PIXELS
 from tsplat.io.sog_splats import check_count, count_coefficients, read_splats
 from tsplat.scene import Gaussians
 
@@ -47,6 +48,9 @@ def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) ->
         It is no zip or JSON of a scene, or its planes contradict it.
     """
     scenes = _find_scenes(path, options.lod)
+    if (unpaid := sum(scene.unpaid for scene in scenes)) > SPARE_PIXELS:
+        problem = f"its scenes have {unpaid} splats more than their means hold, expected at most {SPARE_PIXELS}"
+        raise CorruptFileError(path, f"{problem}; fetch it again")
     k = max(scene.k for scene in scenes)
     arrays = Arrays.empty(sum(scene.kept for scene in scenes), k)
     done = 0
@@ -65,12 +69,13 @@ def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) ->
 
 
 class _Scene(NamedTuple):
-    """One meta.json, how many coefficients its colours have, and which splats are wanted, None for all."""
+    """One meta.json, how many coefficients its colours have, which splats are wanted, and `check_count`."""
 
     path: Path
     meta: Meta
     k: int
     wanted: Mask | None
+    unpaid: int
 
     @property
     def kept(self) -> int:
@@ -105,14 +110,14 @@ def _find_scene(path: Path, runs: list[Run] | None) -> _Scene:
     with _open(path) as files:
         zipped = isinstance(files, Archive)
         meta = parse_meta(read_fields(files, META_NAME, META_BYTES) if zipped else read_fields(files, path.name))
-        check_count(files, meta)
+        unpaid = check_count(files, meta)
         k = count_coefficients(files, meta)
     wanted = None
     if runs is not None:
         wanted = np.zeros(meta.count, np.bool_)
         for offset, count in runs:
             wanted[offset : offset + count] = True
-    return _Scene(path, meta, k, None if wanted is None or wanted.all() else wanted)
+    return _Scene(path, meta, k, None if wanted is None or wanted.all() else wanted, unpaid)
 
 
 @contextmanager

@@ -40,8 +40,8 @@ SMALL = (np.arange(LEVELS, dtype=np.float32) / np.float32(255.0) - np.float32(0.
 """What a byte of a quat stands for."""
 
 
-def check_count(files: Files, meta: Meta) -> None:
-    """Refuse more splats than the means can hold.
+def check_count(files: Files, meta: Meta) -> int:
+    """Return how many splats are more than honest means of so many bytes hold.
 
     Raises
     ------
@@ -49,10 +49,12 @@ def check_count(files: Files, meta: Meta) -> None:
         There are too few bytes or pixels.
     """
     size = files.size(meta.means_l)
-    if meta.count > SPARE_PIXELS + SPLATS_A_BYTE * size:
+    unpaid = max(0, meta.count - SPLATS_A_BYTE * size)
+    if unpaid > SPARE_PIXELS:
         problem = f"holds {size} bytes, expected at least {meta.count // SPLATS_A_BYTE} for {meta.count} splats"
         raise files.corrupt(meta.means_l, problem)
     plane_size(files, meta.means_l, meta.count)
+    return unpaid
 
 
 def count_coefficients(files: Files, meta: Meta) -> int:
