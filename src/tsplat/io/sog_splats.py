@@ -46,14 +46,13 @@ def check_count(files: Files, meta: Meta) -> int:
     Raises
     ------
     CorruptFileError
-        There are too few bytes or pixels.
+        There are too few bytes.
     """
     size = files.size(meta.means_l)
     unpaid = max(0, meta.count - SPLATS_A_BYTE * size)
     if unpaid > SPARE_PIXELS:
         problem = f"holds {size} bytes, expected at least {meta.count // SPLATS_A_BYTE} for {meta.count} splats"
         raise files.corrupt(meta.means_l, problem)
-    plane_size(files, meta.means_l, meta.count)
     return unpaid
 
 
