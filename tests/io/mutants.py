@@ -33,7 +33,9 @@ JSON_COUNT = re.compile(rb'"(\w*(?i:count|shape|length|offset|stride|file|bands|
 TEXT_BYTES = 4096
 """How far numbers in text are looked for: headers of binary files are no longer."""
 
-LIES = (b"0", b"2147483647", b"4294967295")
+LIES = (b"0", b"60000000", b"2147483647", b"4294967295", b'"\\u001b[2J"')
+"""What counts in text become: some that a format allows, but few bytes do not, and no number at all."""
+
 HEAD_CHARS, TEXT_COUNTS = 64, 8
 """Where a head is text, and how many numbers may be counts where no names tell."""
 
