@@ -87,12 +87,16 @@ def command() -> None:
     metavar="MS",
     help="How long a frame may take on its way while the view moves.",
 )
+@click.option("--budget", type=click.IntRange(0), metavar="N",
+              help="Splats a frame gets while the view moves, merged where that shows least; 0: all. "
+              "[2.5 a pixel]")  # fmt: skip
 @click.option("--dither", is_flag=True, help="Mix the colours that sixel's palette lacks, in more bytes.")
 @click.option("--width", type=click.IntRange(1, 1000), metavar="COLUMNS",
               help="Columns of a printed picture. [COLUMNS, else 80]")  # fmt: skip
 @click.option("--height", type=click.IntRange(1, 1000), metavar="ROWS", help="Rows of a printed picture.")
 def view(scene: str, output: str | None, up: Vector | None, fov_y: float, raw_opacity: bool, latency: float,
-         dither: bool, width: int | None, height: int | None, **options: Any) -> None:  # fmt: skip
+         budget: int | None, dither: bool, width: int | None, height: int | None,
+         **options: Any) -> None:  # fmt: skip
     """Open SCENE, or the demo, in the viewer: the default command; print one picture when piped."""
     printing = not sys.stdout.isatty()
     if printing and output in PICTURES:
@@ -107,7 +111,7 @@ def view(scene: str, output: str | None, up: Vector | None, fov_y: float, raw_op
 
     return viewer.view(
         gaussians, chosen, name=scene_name(scene), output=output, up=up, fov_y=fov_y, raw_opacity=raw_opacity,
-        latency=1e-3 * latency, dither=dither,
+        latency=1e-3 * latency, dither=dither, budget=budget,
     )  # fmt: skip
 
 

@@ -1,0 +1,62 @@
+"""Fewer, merged splats while the view moves: built beside the first frames, used once they are ready."""
+
+from __future__ import annotations
+
+import threading
+from typing import TYPE_CHECKING
+
+from tsplat.camera import Camera
+from tsplat.rendering import Rendering, RenderOptions
+from tsplat.scene import Gaussians
+
+if TYPE_CHECKING:
+    from tsplat.lod import Cut
+
+
+class Detail:
+    """The levels of detail of one scene, for one viewer.
+
+    Parameters
+    ----------
+    gaussians : Gaussians
+        The scene.
+    budget : int, optional
+        How many splats a frame gets while the view moves; by default some for each pixel, 0 for all.
+    """
+
+    def __init__(self, gaussians: Gaussians, budget: int | None = None) -> None:
+        self.gaussians, self._budget = gaussians, budget
+        self._cut: Cut | None = None
+        self.done = 0.0
+        """How far building is, 0 to 1."""
+        # A daemon, so that quitting does not wait.
+        self._thread = threading.Thread(target=self._build, name="tsplat-detail", daemon=True)
+
+    def budget(self, camera: Camera) -> int:
+        """Return how many splats a frame of this size gets."""
+        from tsplat.lod import default_budget
+
+        return default_budget(camera) if self._budget is None else self._budget or len(self.gaussians)
+
+    def helps(self, gaussians: Gaussians, camera: Camera) -> bool:
+        """Tell whether a frame would be drawn with fewer splats; start building where that is not known yet."""
+        if gaussians is not self.gaussians or len(gaussians) <= self.budget(camera):
+            return False
+        if self._thread.ident is None:
+            self._thread.start()
+        return self._cut is not None
+
+    def draw(self, camera: Camera, options: RenderOptions) -> Rendering:
+        """Draw within the budget, as `helps` said it would help."""
+        from tsplat.lod import rasterize_within
+
+        return rasterize_within(self.gaussians, camera, options, self.budget(camera), self._cut)
+
+    def _build(self) -> None:
+        from tsplat.lod import Cut, hierarchy
+
+        # One thread: those of the frames are not waited for, nor kept waiting.
+        self._cut = Cut(hierarchy(self.gaussians, 1, self._progress))
+
+    def _progress(self, fraction: float) -> None:
+        self.done = fraction
