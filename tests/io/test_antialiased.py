@@ -39,7 +39,7 @@ def test_the_last_comment_of_a_ply_that_speaks_of_it_decides(
     assert io.load(path).antialiased is antialiased
 
 
-@pytest.mark.parametrize("suffix", [".ply", ".compressed.ply", ".spz"])
+@pytest.mark.parametrize("suffix", [".ply", ".compressed.ply", ".spz", ".sog"])
 @pytest.mark.parametrize("antialiased", [False, True])
 def test_saving_keeps_it(tmp_path: Path, rng: np.random.Generator, suffix: str, antialiased: bool) -> None:
     scene = replace(random_gaussians(rng, 20), antialiased=antialiased)

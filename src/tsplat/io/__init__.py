@@ -35,9 +35,9 @@ def load(
     ----------
     path : str or Path
         A splat PLY (little-endian, big-endian, ASCII, or PlayCanvas' compressed PLY), .splat, .ksplat, SPZ, glTF,
-        or SOG (zipped, or a meta.json or lod-meta.json with its planes beside it); SH degree 0 to 4. Any of them
-        may be packed with gzip. A str may also be ``-``, standard input, or an http, https or s3 URL, for which
-        ``pip install "tsplat[remote]"``.
+        SOG (zipped, or a meta.json or lod-meta.json with its planes beside it), or an .npz of a gsplat or
+        nerfstudio checkpoint; SH degree 0 to 4. Any of them may be packed with gzip. A str may also be ``-``,
+        standard input, or an http, https or s3 URL, for which ``pip install "tsplat[remote]"``.
     max_splats : int, optional
         Keep at most this many, those with the largest opacity times area; by default all.
     raw_opacity : bool

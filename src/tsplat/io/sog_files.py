@@ -85,6 +85,10 @@ class Archive:
         self._zip.close()
         self._file.close()
 
+    def names(self) -> list[str]:
+        """Return the names of all files."""
+        return list(self._zip.NameToInfo)
+
     def size(self, name: str) -> int:
         entry = self._find(name)
         # Zeros cost nothing in a zip, and its directory may say anything.

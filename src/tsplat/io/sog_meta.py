@@ -111,7 +111,8 @@ def parse_meta(fields: Fields) -> Meta:
     quats, scale_plane, sh0_plane = (each.names("files", 1)[0] for each in (fields.inner("quats"), scales, sh0))
     mins, maxs = means.numbers("mins", 3, 3), means.numbers("maxs", 3, 3)
     planes = means_l, means_u, quats, scale_plane, sh0_plane
-    antialiased = fields.values.get("model") == ANTIALIASED
+    # The field was ``antialias`` in the first specification of version 2.
+    antialiased = fields.values.get("model", fields.values.get("antialias") is True and ANTIALIASED) == ANTIALIASED
     return Meta(count, *planes, mins, maxs, scale_values, sh0_values, opacity_values, palette, antialiased)
 
 
