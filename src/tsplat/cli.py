@@ -18,6 +18,7 @@ import rich_click as click
 from tsplat import __version__
 from tsplat.arguments import DEMO, POINT, Triples, ViewByDefault
 from tsplat.bench.command import bench
+from tsplat.convert.command import convert
 from tsplat.doctor.command import doctor
 from tsplat.encode import ENCODERS, FALLBACK_CELL, PICTURES
 from tsplat.errors import LoadWarning, OptionError, TsplatError
@@ -160,6 +161,7 @@ def info(scene: str, as_json: bool, max_splats: int | None, raw_opacity: bool) -
         _print_table(scene, summary)
 
 
+command.add_command(convert)
 command.add_command(bench)
 command.add_command(doctor)
 command.add_command(record)

@@ -1,0 +1,84 @@
+"""`tsplat convert`: its arguments; everything else is imported when it runs."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import rich_click as click
+
+from tsplat.arguments import InOrder, Numbers
+from tsplat.options import load_scene, shared
+
+WIDTH = 115
+"""Columns of what is not written to a terminal."""
+
+SIGMAS = 2.0
+"""What `--remove-floaters` says when it is given no number."""
+
+POINT = Numbers("point", 3, "three numbers X,Y,Z")
+BOX = Numbers("box", 6, "six numbers X0,Y0,Z0,X1,Y1,Z1")
+SPHERE = Numbers("sphere", 4, "four numbers X,Y,Z,R")
+FLOATERS = Numbers("sigmas", 1, "a number of standard deviations", otherwise=(SIGMAS,))
+
+
+EDITS = (
+    ("--crop-box", BOX, "X0,Y0,Z0,X1,Y1,Z1", "Keep splats whose centres are between two corners."),
+    ("--crop-sphere", SPHERE, "X,Y,Z,R", "Keep splats whose centres are at most R from X,Y,Z."),
+    ("--min-opacity", click.FloatRange(0, 1), "A", "Remove splats of a lower opacity."),
+    ("--max-scale", click.FloatRange(0), "S",
+     "Remove splats whose longest standard deviation is more, in world units."),
+    ("--remove-floaters", FLOATERS, "[SIGMAS]",
+     "Remove splats that are alone: their mean distance to the 16 nearest is so many standard deviations above "
+     "the mean of all. Fewer remove more. [2]"),
+    ("--sh-degree", click.IntRange(0, 3), "D", "Leave out spherical harmonics above this degree."),
+    ("--rotate", POINT, "X,Y,Z", "Turn by degrees about the x axis, then about y, then about z."),
+    ("--translate", POINT, "X,Y,Z", "Shift, in world units."),
+    ("--scale", click.FloatRange(0, min_open=True), "F", "Scale about the origin."),
+)  # fmt: skip
+"""Options that are edits: their names, kinds, placeholders and helps."""
+
+
+def edit_options(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options that are edits to a command."""
+    for name, kind, placeholder, text in reversed(EDITS):
+        function = click.option(name, type=kind, multiple=True, metavar=placeholder, help=text)(function)
+    return function
+
+
+@click.command("convert", cls=InOrder)
+@click.argument("scenes", nargs=-1, required=True, metavar="IN...")
+@click.argument("out", metavar="OUT")
+@edit_options
+@shared("max-splats", "raw-opacity")
+@click.option("--json", "as_json", is_flag=True, help="Say what was done as JSON, for programs.")
+@click.pass_obj
+def convert(given: list[str], /, scenes: tuple[str, ...], out: str, max_splats: int | None, raw_opacity: bool,
+            as_json: bool, **edits: tuple[Any, ...]) -> None:  # fmt: skip
+    """Write the splats of IN, or of several joined, to OUT in the format of its suffix, replacing a file there.
+
+    Options that change the scene are followed in the order in which they are given, and may be repeated.
+    """
+    from tsplat.convert import conversion
+    from tsplat.convert.edits import Edit, in_order
+
+    wanted = in_order(given, edits)
+    if max_splats is not None and len(scenes) > 1:  # so many of each are read, and so many of all are kept
+        wanted.insert(0, Edit("max-splats", max_splats))
+    document = conversion.convert(
+        scenes, Path(out), wanted, lambda scene: load_scene(scene, max_splats, raw_opacity)
+    )
+    if as_json:
+        import json
+
+        print(json.dumps(document, indent=2), flush=True)
+        return
+    from rich.console import Console
+
+    from tsplat.convert.report import report
+
+    console = Console(highlight=False, width=None if sys.stdout.isatty() else WIDTH)
+    console.print(report(document))
+    sys.stdout.flush()

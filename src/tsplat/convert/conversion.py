@@ -1,0 +1,91 @@
+"""Scenes read, joined, edited and written; what happened comes back as a plain document."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tsplat.arguments import scene_path
+from tsplat.convert.edits import Edit, apply
+from tsplat.edit import join
+from tsplat.errors import OptionError
+from tsplat.io import saving
+from tsplat.io.formats import HEAD_BYTES, find_format
+from tsplat.progress import loading
+from tsplat.scene import Gaussians
+
+Document = dict[str, Any]
+
+
+def convert(scenes: Sequence[str], out: Path, edits: Sequence[Edit], load: Callable[[str], Gaussians]) -> Document:
+    """Read scenes, make one of them, edit it, and write it; ``out`` may be one of those that were read.
+
+    Parameters
+    ----------
+    scenes : sequence of str
+        What to read.
+    out : Path
+        What to write, in the format that its suffix names.
+    edits : sequence of Edit
+        In this order.
+    load : callable
+        Reads a scene.
+
+    Returns
+    -------
+    dict
+        ``inputs``, ``edits`` and ``output``, fit for JSON.
+
+    Raises
+    ------
+    LoadError
+        A scene cannot be read.
+    SaveError
+        The scene cannot be written, which is tried before anything is read.
+    OptionError
+        No splat is left to be written.
+    """
+    with saving(out) as write:
+        loaded = [load(scene) for scene in scenes]
+        inputs = [_about(name, scene_path(name), scene) for name, scene in zip(scenes, loaded, strict=True)]
+        gaussians = join(loaded)
+        if not len(gaussians):
+            raise OptionError(f"there are no splats in {', '.join(scenes)}; nothing is written")
+        steps = []
+        with loading(out.name, doing="editing") as progress:
+            for edit in edits:
+                gaussians, step = _edited(gaussians, edit, progress)
+                steps.append(step)
+        write(gaussians)
+    return {"inputs": inputs, "edits": steps, "output": _about(str(out), out, gaussians)}
+
+
+def _edited(gaussians: Gaussians, edit: Edit, progress: Callable[[float], None]) -> tuple[Gaussians, Document]:
+    # What grows too large for float32 is refused by `Gaussians`, in words.
+    with np.errstate(over="ignore", invalid="ignore"):
+        edited = apply(edit, gaussians, progress)
+    removed = len(gaussians) - len(edited)
+    if not len(edited):
+        raise OptionError(f"{edit} removes the last {removed:,} splats; nothing is written")
+    return edited, {
+        "edit": str(edit), "removed": removed, "splats": len(edited), "sh_degree": edited.sh_degree
+    }  # fmt: skip
+
+
+def _about(name: str, path: Path, gaussians: Gaussians) -> Document:
+    """Return what there is to say about a scene and its file; the sizes of files beside a JSON are not known."""
+    known, size = None, None
+    if path.is_file():
+        with path.open("rb") as file:
+            known = find_format(file.read(HEAD_BYTES), path.name)
+        size = None if path.suffix.lower() == ".json" else path.stat().st_size
+    return {
+        "name": name,
+        "format": known.name if known else None,
+        "splats": len(gaussians),
+        "sh_degree": gaussians.sh_degree,
+        "bytes": size,
+    }

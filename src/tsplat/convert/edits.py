@@ -1,0 +1,73 @@
+"""What the options of `tsplat convert` do to a scene, one edit each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tsplat import edit
+from tsplat.progress import wait_for_kernels
+from tsplat.scene import Gaussians
+from tsplat.warmup import WarmUp
+
+
+class Edit(NamedTuple):
+    """An option as it was given: its name without dashes, and its value."""
+
+    option: str
+    value: Any
+
+    def __str__(self) -> str:
+        values = self.value if isinstance(self.value, tuple) else (self.value,)
+        return f"--{self.option} {','.join(f'{value:g}' for value in values)}"
+
+
+def in_order(given: Sequence[str], values: dict[str, tuple[Any, ...]]) -> list[Edit]:
+    """Return the edits in the order of the command line.
+
+    Parameters
+    ----------
+    given : sequence of str
+        Names of all parameters, as often and in the order as they were given.
+    values : dict of str to tuple
+        What was given to those that are edits, each in its own order.
+    """
+    left = {name: iter(each) for name, each in values.items()}
+    return [Edit(name.replace("_", "-"), next(left[name])) for name in given if name in left]
+
+
+def apply(wanted: Edit, gaussians: Gaussians, progress: Callable[[float], None]) -> Gaussians:
+    """Return the scene after one edit."""
+    value = wanted.value
+    match wanted.option:
+        case "crop-box":
+            return edit.crop_box(gaussians, value[:3], value[3:])
+        case "crop-sphere":
+            return edit.crop_sphere(gaussians, value[:3], value[3])
+        case "max-splats":
+            return edit.keep_most_important(gaussians, value)
+        case "min-opacity":
+            return edit.drop_faint(gaussians, value)
+        case "max-scale":
+            return edit.drop_large(gaussians, value)
+        case "remove-floaters":
+            wait_for_kernels(WarmUp(_compile_search))
+            return edit.remove_floaters(gaussians, value[0], progress)
+        case "sh-degree":
+            return edit.lower_sh_degree(gaussians, value)
+        case "rotate":
+            return edit.rotate(gaussians, value)
+        case "translate":
+            return edit.translate(gaussians, value)
+        case "scale":
+            return edit.scale(gaussians, value)
+    raise AssertionError(f"--{wanted.option} is no edit")
+
+
+def _compile_search() -> None:
+    """Look for a neighbour once, for the sake of the kernels."""
+    from tsplat.edit.neighbours import mean_distances
+
+    mean_distances(np.zeros((2, 3), np.float32), 1)
