@@ -22,7 +22,7 @@ def random_gaussians(rng: np.random.Generator, n: int, sh_degree: int = 3) -> Ga
     scales = np.exp(rng.uniform(np.log(0.005), np.log(0.2), (n, 3)))
     opacities = rng.uniform(0.0, 1.0, n)
     # Higher bands get weaker, as in trained scenes, so that most colours stay inside [0, 1].
-    spread = np.concatenate([np.full(2 * degree + 1, 0.8 / (1 + degree) ** 2) for degree in range(4)])
+    spread = np.concatenate([np.full(2 * degree + 1, 0.8 / (1 + degree) ** 2) for degree in range(5)])
     k = SH_COEFFICIENTS[sh_degree]
     sh = rng.normal(size=(n, k, 3)) * spread[:k, None]
     return Gaussians(

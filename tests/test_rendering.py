@@ -20,7 +20,7 @@ from tsplat.rendering import BOX_VARIANCE, EPS2D, Rendering, RenderOptions
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"sh_degree": 4},
+        {"sh_degree": 5},
         {"sh_degree": -1},
         {"antialias": "best"},
         {"background": (0, 0)},

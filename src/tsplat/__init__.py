@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from tsplat.camera import Camera
 from tsplat.errors import TsplatError
-from tsplat.rendering import Rendering, RenderOptions
+from tsplat.rendering import Rendering, RenderOptions, own_antialias
 from tsplat.scene import Gaussians
 
 if TYPE_CHECKING:
@@ -32,7 +32,8 @@ def render(scene: Gaussians, camera: Camera, **options: Any) -> Rendering:
     camera : Camera
         From where, and how large.
     **options
-        Fields of `RenderOptions`: sh_degree, antialias, background, threads, ...
+        Fields of `RenderOptions`: sh_degree, antialias, background, threads, ... Without ``antialias`` a scene
+        trained with antialiasing is drawn with ``mip``, others with ``classic``.
 
     Returns
     -------
@@ -46,6 +47,7 @@ def render(scene: Gaussians, camera: Camera, **options: Any) -> Rendering:
     """
     from tsplat.raster import rasterize  # brings in Numba, which `import tsplat` should not wait for
 
+    options.setdefault("antialias", own_antialias(scene.antialiased, "classic"))
     return rasterize(scene, camera, RenderOptions(**options))
 
 

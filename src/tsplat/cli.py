@@ -99,7 +99,7 @@ def view(scene: str, output: str | None, up: Vector | None, fov_y: float, raw_op
         raise OptionError(f"--output {output} needs a terminal; a printed picture is text, half for example")
     warm_up = WarmUp()
     gaussians = load_scene(scene, options.pop("max_splats"), raw_opacity, warm_up)
-    chosen = render_options(scene, "relative", options)
+    chosen = render_options(scene, gaussians, "relative", options)
     if printing:
         wait_for_kernels(warm_up)
         return _print_frame(gaussians, chosen, output or "half", _printed_size(width, height), fov_y=fov_y, up=up)
@@ -132,7 +132,7 @@ def render(scene: str, output: str, width: int, height: int, max_splats: int | N
     view = {name: options.pop(name) for name in ("eye", "target", "up", "fov_y")}
     warm_up = WarmUp()
     gaussians = load_scene(scene, max_splats, raw_opacity, warm_up)
-    chosen = render_options(scene, "classic", options)
+    chosen = render_options(scene, gaussians, "classic", options)
     camera = _camera(gaussians, width, height, **view)
     wait_for_kernels(warm_up)
     from tsplat.raster import rasterize

@@ -9,7 +9,7 @@ import rich_click as click
 
 from tsplat.arguments import BACKGROUND, UP, scene_path
 from tsplat.progress import loading
-from tsplat.rendering import ANTIALIAS, TRAIN_FOCAL_GUESS, RenderOptions
+from tsplat.rendering import ANTIALIAS, TRAIN_FOCAL_GUESS, Antialias, RenderOptions, own_antialias
 from tsplat.warmup import WarmUp
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 ANTIALIAS_HELP = (
     "How splats meet pixels: classic as in training, mip with opacities compensated, "
-    "relative to the training pictures. [render: classic; else relative]"
+    "relative to the training pictures. [the scene's own, else render: classic, view and record: relative]"
 )
 FOV_Y = 55.0
 
@@ -27,7 +27,7 @@ def shared(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     known = {
         "up": click.option("--up", type=UP, help="What is up: x, y, z, -x, -y, -z or three numbers. [guessed]"),
         "antialias": click.option("--antialias", type=click.Choice(ANTIALIAS), help=ANTIALIAS_HELP),
-        "sh-degree": click.option("--sh-degree", type=click.IntRange(0, 3), default=3, show_default=True,
+        "sh-degree": click.option("--sh-degree", type=click.IntRange(0, 4), default=4, show_default=True,
                                   help="Highest degree of spherical harmonics."),
         "threads": click.option("--threads", type=click.IntRange(0, 1024), default=0, help="0 means all. [0]"),
         "max-splats": click.option("--max-splats", type=click.IntRange(1), metavar="N",
@@ -59,9 +59,14 @@ def load_scene(scene: str, max_splats: int | None, raw_opacity: bool, warm_up: W
         return load(scene_path(scene), max_splats=max_splats, raw_opacity=raw_opacity, progress=progress)
 
 
-def render_options(scene: str, antialias: str, options: dict[str, Any]) -> RenderOptions:
-    """Return the options; training cameras beside the scene say what `relative` is relative to."""
-    options["antialias"] = options["antialias"] or antialias
+def render_options(
+    scene: str, gaussians: Gaussians, antialias: Antialias, options: dict[str, Any]
+) -> RenderOptions:
+    """Return the options, a scene's own antialiasing before ``antialias``.
+
+    Training cameras beside the scene say what `relative` is relative to.
+    """
+    options["antialias"] = options["antialias"] or own_antialias(gaussians.antialiased, antialias)
     if options["train_focal"] is None:
         from tsplat.io import train_focal_beside
 

@@ -66,7 +66,7 @@ class RenderOptions:
     Attributes
     ----------
     sh_degree : int
-        Highest degree of spherical harmonics used, 0 to 3; a scene with fewer uses what it has.
+        Highest degree of spherical harmonics used, 0 to 4; a scene with fewer uses what it has.
     antialias : {"classic", "mip", "relative"}
         ``classic`` dilates by ``eps2d`` pixels squared. ``mip`` does the same and compensates the
         opacity. ``relative`` scales the dilation with the image against the training images and
@@ -94,7 +94,7 @@ class RenderOptions:
         A value is out of its range.
     """
 
-    sh_degree: int = 3
+    sh_degree: int = 4
     antialias: Antialias = "classic"
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)
     threads: int = 0
@@ -107,7 +107,7 @@ class RenderOptions:
     sigma_extent: float = SIGMA_EXTENT
 
     def __post_init__(self) -> None:
-        _expect(self.sh_degree in range(4), "sh_degree", self.sh_degree, "0, 1, 2 or 3")
+        _expect(self.sh_degree in range(5), "sh_degree", self.sh_degree, "0, 1, 2, 3 or 4")
         _expect(self.antialias in ANTIALIAS, "antialias", self.antialias, ", ".join(ANTIALIAS))
         background = tuple(float(value) for value in self.background)
         finite = len(background) == 3 and all(map(math.isfinite, background))
@@ -190,6 +190,11 @@ class Rendering:
     def save(self, path: str | Path) -> Path:
         """Write the picture; see `tsplat.images.save` for the formats and errors."""
         return images.save(path, self.colors, self.alphas)
+
+
+def own_antialias(antialiased: bool, otherwise: Antialias) -> Antialias:
+    """Return how a scene is to be drawn where nobody said how: one trained with antialiasing needs ``mip``."""
+    return "mip" if antialiased else otherwise
 
 
 def available_processors() -> int:

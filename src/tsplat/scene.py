@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -17,8 +17,10 @@ from tsplat.errors import SceneError
 
 F32 = npt.NDArray[np.float32]
 
-SH_COEFFICIENTS = (1, 4, 9, 16)
-"""How many spherical-harmonics coefficients a colour has at degree 0, 1, 2 and 3."""
+SH_COEFFICIENTS = (1, 4, 9, 16, 25)
+"""How many spherical-harmonics coefficients a colour has at degree 0, 1, 2, 3 and 4."""
+
+ARRAYS = ("means", "quats", "scales", "opacities", "sh")
 
 
 @dataclass(frozen=True, eq=False, slots=True, weakref_slot=True)
@@ -38,8 +40,10 @@ class Gaussians:
     opacities : ndarray of float32, [N]
         Peak opacity, in [0, 1].
     sh : ndarray of float32, [N, K, 3]
-        Spherical-harmonics coefficients of the colour, K in 1, 4, 9, 16; a colour is
+        Spherical-harmonics coefficients of the colour, K in 1, 4, 9, 16, 25; a colour is
         ``max(0, 0.5 + sum(basis_k(direction) * sh[:, k]))``.
+    antialiased : bool
+        Trained with opacities compensated for the dilation, so to be drawn with ``mip`` (Yu et al. 2024).
 
     Raises
     ------
@@ -52,10 +56,11 @@ class Gaussians:
     scales: F32
     opacities: F32
     sh: F32
+    antialiased: bool = False
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            object.__setattr__(self, field.name, _own(getattr(self, field.name)))
+        for name in ARRAYS:
+            object.__setattr__(self, name, _own(getattr(self, name)))
         n = len(self.means) if self.means.ndim else 0
         _check_shape("means", self.means, (n, 3))
         _check_shape("quats", self.quats, (n, 4))
@@ -64,33 +69,39 @@ class Gaussians:
         if self.sh.ndim != 3 or self.sh.shape[1] not in SH_COEFFICIENTS:
             raise SceneError(f"sh must have shape [{n}, K, 3], K in {SH_COEFFICIENTS}, got {list(self.sh.shape)}")
         _check_shape("sh", self.sh, (n, self.sh.shape[1], 3))
-        for field in fields(self):
-            _check_finite(field.name, getattr(self, field.name))
+        for name in ARRAYS:
+            _check_finite(name, getattr(self, name))
         _check_range("scales", self.scales, 0.0, math.inf)
         _check_range("opacities", self.opacities, 0.0, 1.0)
 
-    def __reduce__(self) -> tuple[type[Gaussians], tuple[F32, ...]]:
+    def __reduce__(self) -> tuple[type[Gaussians], tuple[F32 | bool, ...]]:
         # NumPy unpickles read-only arrays as writable; rebuilding through the
         # constructor keeps worker processes on the same compiled kernels.
-        return Gaussians, tuple(getattr(self, field.name) for field in fields(self))
+        return Gaussians, (*self.arrays, self.antialiased)
 
     def __len__(self) -> int:
         return len(self.means)
 
     @property
+    def arrays(self) -> tuple[F32, F32, F32, F32, F32]:
+        """Means, quats, scales, opacities and sh."""
+        return self.means, self.quats, self.scales, self.opacities, self.sh
+
+    @property
     def sh_degree(self) -> int:
-        """Degree of the spherical harmonics that are stored, 0 to 3."""
+        """Degree of the spherical harmonics that are stored, 0 to 4."""
         return SH_COEFFICIENTS.index(self.sh.shape[1])
 
     @property
     def nbytes(self) -> int:
         """Memory of all arrays, in bytes."""
-        return sum(getattr(self, field.name).nbytes for field in fields(self))
+        return sum(array.nbytes for array in self.arrays)
 
     def take(self, source_from_kept: npt.NDArray[np.integer] | Sequence[int]) -> Gaussians:
         """Return the chosen Gaussians, in the order of the indices."""
         chosen = np.asarray(source_from_kept, np.intp)
-        return Gaussians(*(getattr(self, field.name)[chosen] for field in fields(self)))
+        means, quats, scales, opacities, sh = (array[chosen] for array in self.arrays)
+        return Gaussians(means, quats, scales, opacities, sh, self.antialiased)
 
 
 def _own(array: npt.ArrayLike) -> F32:

@@ -111,5 +111,5 @@ def decoded(splat: Splat, version: int, bits: int = 8) -> dict[str, list[float]]
         "quats": [value / length for value in quat],
         "scales": [math.exp(value / 16 - 10) for value in splat.scale],
         "opacities": [splat.opacity / 255],
-        "sh": [(value / 255 - 0.5) / 0.15 for value in splat.colour] + [(v - 128) / 128 for v in splat.sh[:45]],
+        "sh": [(value / 255 - 0.5) / 0.15 for value in splat.colour] + [(v - 128) / 128 for v in splat.sh],
     }

@@ -93,7 +93,7 @@ def test_every_encoding_means_what_the_slow_reader_says(
 
 
 @pytest.mark.parametrize("kind", FORMATS)
-@pytest.mark.parametrize("sh_degree", range(4))
+@pytest.mark.parametrize("sh_degree", range(5))
 def test_the_rest_of_the_colours_is_channel_major(tmp_path: Path, kind: str, sh_degree: int) -> None:
     names = splat_names(sh_degree)
     row = [float(name[7:]) if name.startswith("f_rest_") else 1.0 for name in names]
@@ -357,7 +357,7 @@ def test_bytes_after_the_last_row_do_no_harm(tmp_path: Path) -> None:
     assert len(load_bytes(tmp_path, ply_bytes([splats([one_splat()])]) + b"more")) == 1
 
 
-@pytest.mark.parametrize("sh_degree", range(4))
+@pytest.mark.parametrize("sh_degree", range(5))
 def test_saving_and_loading_keeps_the_scene(tmp_path: Path, rng: np.random.Generator, sh_degree: int) -> None:
     before = random_gaussians(rng, 9001, sh_degree)
     after = io.load(io.save(tmp_path / "scene.ply", before))

@@ -16,7 +16,7 @@ from tests.io import sogs
 from tests.io.sogs import Scene, made_up, made_up_old, read_slowly, write_folder
 from tsplat import io
 from tsplat.errors import CorruptFileError, LoadError, LoadWarning, OptionError, TsplatError
-from tsplat.io import sog, sog_planes
+from tsplat.io import sog_planes
 from tsplat.scene import Gaussians
 
 
@@ -387,6 +387,6 @@ def test_a_plane_padded_with_rubbish_is_refused(tmp_path: Path, rng: np.random.G
 def test_a_level_of_a_scene_without_levels_is_refused(tmp_path: Path, rng: np.random.Generator) -> None:
     path = tmp_path / "scene.sog"
     path.write_bytes(made_up(rng).zipped())
-    assert len(sog.read_level(path, 0)) == 7
-    with pytest.raises(OptionError, match="level must be 0 in a scene that is not streamed, got 1"):
-        sog.read_level(path, 1)
+    assert len(io.load(path, lod=0)) == 7
+    with pytest.raises(OptionError, match="lod must be 0 in a scene that is not streamed, got 1"):
+        io.load(path, lod=1)

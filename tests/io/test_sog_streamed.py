@@ -72,21 +72,21 @@ def test_colours_of_lower_degree_are_padded_with_zeros(folder: Path) -> None:
 
 
 def test_a_coarser_level_can_be_chosen(folder: Path) -> None:
-    found = sog.read_level(str(folder / "lod-meta.json"), 1)
+    found = io.load(str(folder / "lod-meta.json"), lod=1)
     # The leaf without a coarse level gives its fine one.
     np.testing.assert_array_equal(found.means, means(folder, ("b/meta.json", [0, 1, 3, 4, 5, 6]), ("c.sog", [6])))
-    assert len(sog.read_level(folder / "lod-meta.json", 1, max_splats=2)) == 2
+    assert len(io.load(folder / "lod-meta.json", lod=1, max_splats=2)) == 2
 
 
 @pytest.mark.parametrize("level", [-1, 2])
 def test_a_level_that_is_not_there_is_refused(folder: Path, level: int) -> None:
-    with pytest.raises(OptionError, match=f"level must be 0 to 1 in this scene, got {level}"):
-        sog.read_level(folder / "lod-meta.json", level)
+    with pytest.raises(OptionError, match=f"lod must be 0 .*, got {level}"):
+        io.load(folder / "lod-meta.json", lod=level)
 
 
 def test_a_level_of_a_missing_file_is_a_load_error(tmp_path: Path) -> None:
     with pytest.raises(LoadError, match="cannot be read: No such file"):
-        sog.read_level(tmp_path / "lod-meta.json", 0)
+        io.load(tmp_path / "lod-meta.json", lod=0)
 
 
 def test_a_level_too_large_for_memory_says_how_to_keep_less(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -94,15 +94,15 @@ def test_a_level_too_large_for_memory_says_how_to_keep_less(folder: Path, monkey
         raise MemoryError
 
     monkeypatch.setattr(sog, "read_splats", no_memory)
-    with pytest.raises(LoadError, match="keep a coarser level"):
-        sog.read_level(folder / "lod-meta.json", 0)
+    with pytest.raises(LoadError, match="keep fewer splats"):
+        io.load(folder / "lod-meta.json", lod=0)
 
 
 def test_the_environment_belongs_to_every_level(folder: Path, tree: dict[str, Any]) -> None:
     path = write_tree(folder, {**tree, "environment": "sky.sog"})
     sky = io.load(folder / "sky.sog").means
     for level in (0, 1):
-        np.testing.assert_array_equal(sog.read_level(path, level).means[-5:], sky)
+        np.testing.assert_array_equal(io.load(path, lod=level).means[-5:], sky)
 
 
 def test_progress_grows_to_one_over_all_files(folder: Path) -> None:
@@ -220,5 +220,5 @@ def test_a_real_streamed_scene_has_its_levels() -> None:
     # The PLY was made from this level, so they agree to the last bits of float32.
     for name in ("means", "quats", "scales", "opacities", "sh"):
         np.testing.assert_allclose(getattr(finest, name), getattr(ply, name), 1e-5, 2e-6, err_msg=name)
-    counts = [len(sog.read_level(path, level)) for level in range(3, 7)]
+    counts = [len(io.load(path, lod=level)) for level in range(3, 7)]
     assert counts == [31_000, 8_406, 3_000, 1_873]

@@ -203,9 +203,9 @@ def test_cells_are_touched_exactly_where_the_ellipse_reaches_a_column_of_pixels(
             assert not touched or (left - slack <= last and first <= right + slack)
 
 
-@pytest.mark.parametrize("degree", [0, 1, 2, 3])
+@pytest.mark.parametrize("degree", [0, 1, 2, 3, 4])
 def test_colours_are_those_of_the_reference_to_half_precision(degree: int) -> None:
-    gaussians, camera = random_gaussians(np.random.default_rng(3), MANY), front_camera()
+    gaussians, camera = random_gaussians(np.random.default_rng(3), MANY, max(3, degree)), front_camera()
     options = RenderOptions(sh_degree=degree)
     frame, rows = after([PROJECT], gaussians, camera, options)
     records = records_of(frame)[rows]

@@ -14,6 +14,7 @@ from tsplat.errors import LoadError, OptionError, SaveError
 from tsplat.files import replacing
 from tsplat.io.cameras import TrainingCamera, load_cameras, train_focal_beside
 from tsplat.io.formats import FORMATS, HEAD_BYTES, find_format
+from tsplat.io.options import LoadOptions, SpzFrame
 from tsplat.scene import Gaussians
 
 __all__ = ["TrainingCamera", "demo_path", "load", "load_cameras", "save", "saving", "train_focal_beside"]
@@ -24,6 +25,8 @@ def load(
     *,
     max_splats: int | None = None,
     raw_opacity: bool = False,
+    spz_frame: SpzFrame = "rub",
+    lod: int | None = 0,
     progress: Callable[[float], None] | None = None,
 ) -> Gaussians:
     """Read a scene.
@@ -32,11 +35,15 @@ def load(
     ----------
     path : str or Path
         A splat PLY (little-endian, big-endian, ASCII, or PlayCanvas' compressed PLY), .splat, .ksplat, SPZ, or SOG
-        (zipped, or a meta.json or lod-meta.json with its planes beside it); SH degree 0 to 3.
+        (zipped, or a meta.json or lod-meta.json with its planes beside it); SH degree 0 to 4.
     max_splats : int, optional
         Keep at most this many, those with the largest opacity times area; by default all.
     raw_opacity : bool
-        The file holds opacities from 0 to 1 where others hold logits.
+        A PLY holds opacities from 0 to 1 where others hold logits.
+    spz_frame : {"rub", "rdf"}
+        The axes of an SPZ: right, up, back by its specification; some writers keep a PLY's right, down, front.
+    lod : int, optional
+        Which level of detail of a streamed scene, 0 the finest; None for all of them, one over the other.
     progress : callable, optional
         Called with the fraction done, growing from 0 to 1.
 
@@ -50,24 +57,23 @@ def load(
     LoadError
         No such file, or it is no splat scene of a known format; `CorruptFileError` where it is broken.
     OptionError
-        ``max_splats`` is below 1.
+        An option is out of its range, or the scene has no such level.
 
     Warns
     -----
     LoadWarning
         Splats were left out or mended; the text says how many.
     """
-    if max_splats is not None and max_splats < 1:
-        raise OptionError(f"max_splats must be 1 or more, got {max_splats}")
+    options = LoadOptions(max_splats, raw_opacity, spz_frame, lod)
     path = Path(path)
     try:
         known = find_format(_head(path), path.name)
         if known is None:
             names = ", ".join(f"{known.name} ({', '.join(known.suffixes)})" for known in FORMATS)
             raise LoadError(path, f"is of no known format, expected {names}; convert it first", 0)
-        return known.read(
-            path, max_splats=max_splats, raw_opacity=raw_opacity, progress=progress or (lambda _: None)
-        )
+        if options.lod and not known.levels:
+            raise OptionError(f"lod must be 0 in a scene that is not streamed, got {lod}")
+        return known.read(path, options, progress or (lambda _: None))
     except OSError as error:
         raise LoadError(path, f"cannot be read: {error.strerror or error}; check the path") from error
     except MemoryError as error:

@@ -121,7 +121,7 @@ def _elements(path: Path, header: Header) -> tuple[Element, Element, Element | N
         found = len(rest.properties)
         if found not in REST_COUNTS[1:]:
             expected = ", ".join(map(str, REST_COUNTS[1:]))
-            problem = f"sh: {found} properties, expected {expected} (SH degree 1 to 3)"
+            problem = f"sh: {found} properties, expected {expected} (SH degree 1 to 4)"
             raise CorruptFileError(path, f"{problem}; export the scene again")
         _require(path, rest, rest_names(found // 3 + 1), "u1", "uchar")
         _require_count(path, rest, vertex.count, f"{vertex.count} splats")

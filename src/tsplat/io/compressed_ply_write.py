@@ -22,7 +22,8 @@ from tsplat.io.compressed_ply import (
     SH_RANGE,
     WORDS,
 )
-from tsplat.scene import Gaussians
+from tsplat.io.ply_comments import antialias_comments
+from tsplat.scene import SH_COEFFICIENTS, Gaussians
 
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
@@ -31,6 +32,9 @@ Indices = npt.NDArray[np.intp]
 
 MAX_LOG_SCALE = 20.0
 """Log scales are kept within plus and minus this: one splat without extent would cost its chunk all precision."""
+
+SH_DEGREE_MAX = 3
+"""Other readers of this format know no more."""
 
 MORTON_BITS = 21
 """Bits of each axis: three of them fill a word of 64."""
@@ -44,20 +48,21 @@ def write(file: BinaryIO, gaussians: Gaussians) -> None:
     file : binary file
         Open for writing.
     gaussians : Gaussians
-        The scene; higher coefficients beyond 4 and scales beyond ``exp(20)`` become the nearest that fits.
+        The scene; harmonics beyond degree 3 are left out, coefficients beyond 4 and scales beyond ``exp(20)``
+        become the nearest that fits.
     """
-    n, k = gaussians.sh.shape[:2]
+    n, k = len(gaussians), min(gaussians.sh.shape[1], SH_COEFFICIENTS[SH_DEGREE_MAX])
     order = morton_order(gaussians.means)
     blocks = [order[first : first + BLOCK] for first in range(0, n, BLOCK)]
     packed = [_pack_splats(gaussians, block) for block in blocks]
-    file.write(_header(n, 3 * (k - 1)))
+    file.write(_header(n, 3 * (k - 1), antialias_comments(gaussians)))
     for bounds, _ in packed:
         file.write(bounds)
     for _, words in packed:
         file.write(words)
     if k > 1:
         for block in blocks:
-            file.write(_pack_rest(gaussians.sh[block, 1:]))
+            file.write(_pack_rest(gaussians.sh[block, 1:k]))
 
 
 def morton_order(means: F32) -> Indices:
@@ -81,8 +86,9 @@ def morton_order(means: F32) -> Indices:
     return np.argsort(codes, kind="stable")
 
 
-def _header(count: int, rest: int) -> bytes:
-    lines = ["ply", "format binary_little_endian 1.0", f"element chunk {math.ceil(count / CHUNK)}"]
+def _header(count: int, rest: int, comments: list[str]) -> bytes:
+    lines = ["ply", "format binary_little_endian 1.0", *comments]
+    lines += [f"element chunk {math.ceil(count / CHUNK)}"]
     lines += [f"property float {name}" for name in POSITION_BOUNDS + SCALE_BOUNDS + COLOR_BOUNDS]
     lines += [f"element vertex {count}", *(f"property uint {word}" for word in WORDS)]
     if rest:

@@ -16,7 +16,15 @@ F32 = npt.NDArray[np.float32]
 
 
 def finish(
-    path: Path, means: F32, quats: F32, scales: F32, opacities: F32, sh: F32, *, max_splats: int | None
+    path: Path,
+    means: F32,
+    quats: F32,
+    scales: F32,
+    opacities: F32,
+    sh: F32,
+    *,
+    max_splats: int | None,
+    antialiased: bool = False,
 ) -> Gaussians:
     """Return the scene of a file.
 
@@ -34,6 +42,8 @@ def finish(
         As in `Gaussians`.
     max_splats : int or None
         Keep at most this many, those with the largest opacity times area.
+    antialiased : bool
+        As in `Gaussians`.
 
     Warns
     -----
@@ -54,4 +64,4 @@ def finish(
     if not good.all():
         means, quats, scales, opacities, sh = (part[good] for part in (means, quats, scales, opacities, sh))
         lengths = lengths[good]
-    return Gaussians(means, quats / lengths[:, None], scales, opacities, sh)
+    return Gaussians(means, quats / lengths[:, None], scales, opacities, sh, antialiased)

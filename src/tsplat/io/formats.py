@@ -8,15 +8,14 @@ from pathlib import Path
 from typing import BinaryIO, Protocol
 
 from tsplat.io import compressed_ply_write, ksplat, ply, sog, splat, spz
+from tsplat.io.options import LoadOptions
 from tsplat.scene import Gaussians
 
 
 class Reader(Protocol):
     """Reads a scene; raises `LoadError`, and calls ``progress`` with the fraction done."""
 
-    def __call__(
-        self, path: Path, *, max_splats: int | None, raw_opacity: bool, progress: Callable[[float], None]
-    ) -> Gaussians: ...
+    def __call__(self, path: Path, options: LoadOptions, progress: Callable[[float], None], /) -> Gaussians: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +34,8 @@ class Format:
         Reads a scene.
     write : callable, optional
         Writes a scene to a binary file.
+    levels : bool
+        Whether there may be levels of detail.
     """
 
     name: str
@@ -42,6 +43,7 @@ class Format:
     matches: Callable[[bytes], bool]
     read: Reader
     write: Callable[[BinaryIO, Gaussians], None] | None = None
+    levels: bool = False
 
 
 HEAD_BYTES = 64
@@ -50,7 +52,7 @@ HEAD_BYTES = 64
 FORMATS = (
     Format("PLY", (".ply",), ply.matches, ply.read, ply.write),
     Format("compressed PLY", (".compressed.ply",), ply.matches, ply.read, compressed_ply_write.write),
-    Format("SOG", (".sog", ".json"), sog.matches, sog.read),
+    Format("SOG", (".sog", ".json"), sog.matches, sog.read, levels=True),
     Format("SPZ", (".spz",), spz.matches, spz.read, spz.write),
     Format("ksplat", (".ksplat",), ksplat.matches, ksplat.read),
     Format("splat", (".splat",), splat.matches, splat.read, splat.write),

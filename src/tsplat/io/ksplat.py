@@ -16,6 +16,7 @@ import numpy.typing as npt
 from tsplat.errors import CorruptFileError
 from tsplat.io.finish import finish
 from tsplat.io.ksplat_header import Header, Section, read_header
+from tsplat.io.options import LoadOptions
 from tsplat.io.splat import check_scales, decode_rgba
 from tsplat.scene import SH_COEFFICIENTS, Gaussians
 
@@ -31,13 +32,7 @@ def matches(head: bytes) -> bool:  # noqa: ARG001
     return False
 
 
-def read(
-    path: Path,
-    *,
-    max_splats: int | None,
-    raw_opacity: bool,  # noqa: ARG001
-    progress: Callable[[float], None],
-) -> Gaussians:
+def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) -> Gaussians:
     """Read a ``.ksplat`` of any compression level; see `tsplat.io.load` for the parameters.
 
     Raises
@@ -66,7 +61,7 @@ def read(
                     sh[part, 1 : 1 + len(columns) // 3] = rest.reshape(len(records), -1, 3)
                 done = part.stop
                 progress(done / header.count)
-        return finish(path, means, quats, scales, opacities, sh, max_splats=max_splats)
+        return finish(path, means, quats, scales, opacities, sh, max_splats=options.max_splats)
 
 
 def harmonics_columns(sh_degree: int, *, by_channel: bool) -> npt.NDArray[np.intp]:

@@ -15,7 +15,6 @@ from typing import BinaryIO
 import numpy as np
 
 from tsplat.errors import CorruptFileError, LoadError
-from tsplat.scene import SH_COEFFICIENTS
 
 VERSION = (0, 1)
 
@@ -51,6 +50,9 @@ FLOATS = ("<f4", "<f2", "<f2")
 """How scales and quats are stored at each compression level."""
 
 MEANS = ("<f4", "<u2", "<u2")
+HARMONICS_COUNTS = (1, 4, 9, 16)
+"""Coefficients of a colour by degree: the format ends at 3."""
+
 HARMONICS = ("<f4", "<f2", "u1")
 
 BUCKET_BYTES = 12
@@ -174,7 +176,7 @@ def _section(path: Path, raw: bytes, level: int, where: int, start: int) -> tupl
         raise _corrupt(path, f"section: header of {len(raw)} bytes, expected {SECTION_BYTES}", where)
     fields = _fields(raw, SECTION)
     count, most, degree = int(fields["splats"]), int(fields["max_splats"]), int(fields["sh_degree"])
-    if degree >= len(SH_COEFFICIENTS):
+    if degree >= len(HARMONICS_COUNTS):
         raise _corrupt(path, f"sh degree {degree}, expected 0 to 3", where + SECTION["sh_degree"][1])
     if count > most:
         raise _corrupt(path, f"section: {count} splats, expected at most its largest number, {most}", where)
@@ -207,7 +209,7 @@ def _record(level: int, sh_degree: int) -> np.dtype[np.void]:
     real = FLOATS[level]
     fields = [("means", MEANS[level], 3), ("scales", real, 3), ("quats", real, 4), ("rgba", "u1", 4)]
     if sh_degree:
-        fields.append(("sh", HARMONICS[level], 3 * (SH_COEFFICIENTS[sh_degree] - 1)))
+        fields.append(("sh", HARMONICS[level], 3 * (HARMONICS_COUNTS[sh_degree] - 1)))
     return np.dtype(fields)
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
 
@@ -16,7 +17,9 @@ import numpy.typing as npt
 from tsplat.errors import LoadError, LoadWarning
 from tsplat.io import compressed_ply
 from tsplat.io.finish import finish
+from tsplat.io.options import LoadOptions
 from tsplat.io.ply_columns import NAMES, find_columns, rest_names
+from tsplat.io.ply_comments import antialias_comments, is_antialiased
 from tsplat.io.ply_decode import Decoder
 from tsplat.io.ply_header import MAGIC, read_header
 from tsplat.io.ply_rows import chunk_rows, find_rows, read_rows
@@ -35,7 +38,7 @@ def matches(head: bytes) -> bool:
     return head.startswith(MAGIC)
 
 
-def read(path: Path, *, max_splats: int | None, raw_opacity: bool, progress: Callable[[float], None]) -> Gaussians:
+def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) -> Gaussians:
     """Read a splat PLY, ordinary or compressed; see `tsplat.io.load` for the parameters.
 
     Raises
@@ -50,7 +53,9 @@ def read(path: Path, *, max_splats: int | None, raw_opacity: bool, progress: Cal
         if compressed_ply.is_compressed(header):
             with np.errstate(over="ignore", invalid="ignore"):  # bounds of nan or inf: dropped by `finish`
                 arrays = compressed_ply.read_arrays(file, path, header, progress)
-                return finish(path, *arrays, max_splats=max_splats)
+                return finish(
+                    path, *arrays, max_splats=options.max_splats, antialiased=is_antialiased(header.comments)
+                )
         vertex = header.element("vertex")
         if vertex is None:
             raise LoadError(path, "holds no element 'vertex', so it is no splat scene; choose another file")
@@ -64,14 +69,15 @@ def read(path: Path, *, max_splats: int | None, raw_opacity: bool, progress: Cal
                 done += len(rows)
                 progress(begin + (end - begin) * done / vertex.count)
 
-        decoder = Decoder(columns, chunk_rows(vertex), raw_opacity)
-        if max_splats is None or max_splats >= vertex.count:
+        decoder = Decoder(columns, chunk_rows(vertex), options.raw_opacity)
+        limit = options.max_splats
+        if limit is None or limit >= vertex.count:
             gaussians = decoder.gather(chunks(0.0, 1.0), vertex.count)
         else:
-            chosen = decoder.choose(chunks(0.0, 0.5), vertex.count, max_splats)
-            gaussians = decoder.gather(chunks(0.5, 1.0), max_splats, chosen)
+            chosen = decoder.choose(chunks(0.0, 0.5), vertex.count, limit)
+            gaussians = decoder.gather(chunks(0.5, 1.0), limit, chosen)
     _warn(path, vertex.count, decoder)
-    return gaussians
+    return replace(gaussians, antialiased=is_antialiased(header.comments))
 
 
 def write(file: BinaryIO, gaussians: Gaussians) -> None:
@@ -89,7 +95,8 @@ def write(file: BinaryIO, gaussians: Gaussians) -> None:
     normals = ["nx", "ny", "nz"]
     names = [*NAMES["means"], *normals, *NAMES["sh"], *rest]
     names += [*NAMES["opacities"], *NAMES["scales"], *NAMES["quats"]]
-    lines = ["ply", "format binary_little_endian 1.0", f"element vertex {len(gaussians)}"]
+    lines = ["ply", "format binary_little_endian 1.0", *antialias_comments(gaussians)]
+    lines += [f"element vertex {len(gaussians)}"]
     lines += [f"property float {name}" for name in names]
     file.write("\n".join([*lines, "end_header", ""]).encode("ascii"))
     for first in range(0, len(gaussians), WRITE_ROWS):

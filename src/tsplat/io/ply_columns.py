@@ -70,7 +70,7 @@ def _rest_names(path: Path, vertex: Element) -> list[str]:
     found = {name for name in vertex.names if name.startswith("f_rest_")}
     if len(found) not in REST_COUNTS:
         expected = ", ".join(map(str, REST_COUNTS))
-        problem = f"vertex: {len(found)} properties f_rest_*, expected {expected} (SH degree 0 to 3)"
+        problem = f"vertex: {len(found)} properties f_rest_*, expected {expected} (SH degree 0 to 4)"
         raise CorruptFileError(path, f"{problem}; export the scene again")
     names = rest_names(len(found) // 3 + 1)
     missing = sorted(set(names) - found)

@@ -81,8 +81,13 @@ class Decoder:
         for array in arrays.values():
             array.resize((kept, *array.shape[1:]), refcheck=False)
         k = arrays["sh"].shape[1] // 3
-        arrays["sh"] = arrays["sh"].reshape(kept, k, 3)
-        return Gaussians(**{**arrays, "opacities": arrays["opacities"].reshape(kept)})
+        return Gaussians(
+            arrays["means"],
+            arrays["quats"],
+            arrays["scales"],
+            arrays["opacities"].reshape(kept),
+            arrays["sh"].reshape(kept, k, 3),
+        )
 
     def _allocate(self, n: int) -> Arrays:
         return {field: np.empty((n, len(columns)), np.float32) for field, columns in self._columns.items()}

@@ -88,11 +88,14 @@ class Header:
         In file order.
     data_start : int
         Offset in bytes of the first row.
+    comments : tuple of str
+        Without the word ``comment``, in file order; what is not ASCII is escaped.
     """
 
     byte_order: str
     elements: tuple[Element, ...]
     data_start: int
+    comments: tuple[str, ...] = ()
 
     def element(self, name: str) -> Element | None:
         """Return the element of that name, or None."""
@@ -121,6 +124,7 @@ def read_header(file: BinaryIO, path: Path) -> Header:
         raise CorruptFileError(path, f"begins with {head[:8]!r}, expected 'ply' on a line of its own", 0)
     byte_order: str | None = None
     elements: list[Element] = []
+    comments: list[str] = []
     start = head.index(b"\n") + 1
     while (end := head.find(b"\n", start)) >= 0:
 
@@ -133,14 +137,16 @@ def read_header(file: BinaryIO, path: Path) -> Header:
             case ["end_header"]:
                 if byte_order is None:
                     raise fault("no format line before end_header; expected e.g. 'format ascii 1.0'")
-                return Header(byte_order, tuple(elements), start)
+                return Header(byte_order, tuple(elements), start, tuple(comments))
             case ["format", kind, "1.0"] if kind in BYTE_ORDERS and byte_order is None:
                 byte_order = BYTE_ORDERS[kind]
             case ["element", name, count]:
                 elements.append(_element(name, count, elements, fault))
             case ["property", *rest] if elements:
                 elements[-1] = _with_property(elements[-1], rest, fault)
-            case [] | ["comment" | "obj_info", *_]:
+            case ["comment", *rest]:
+                comments.append(" ".join(rest))
+            case [] | ["obj_info", *_]:
                 pass
             case _:
                 raise fault(f"line {_shown(' '.join(words))} is not understood; write the file again")

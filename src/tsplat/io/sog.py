@@ -14,6 +14,7 @@ import numpy as np
 
 from tsplat.errors import CorruptFileError, LoadError, OptionError
 from tsplat.io.finish import finish
+from tsplat.io.options import LoadOptions
 from tsplat.io.sog_files import ZIP_MAGICS, Archive, Folder
 from tsplat.io.sog_json import Fields, read_fields
 from tsplat.io.sog_lod import Piece, Run, is_streamed, pieces_of_level
@@ -29,55 +30,23 @@ def matches(head: bytes) -> bool:
     return head.startswith(ZIP_MAGICS) or head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"{")
 
 
-def read(
-    path: Path,
-    *,
-    max_splats: int | None,
-    raw_opacity: bool,  # noqa: ARG001
-    progress: Callable[[float], None],
-) -> Gaussians:
+def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) -> Gaussians:
     """Read a SOG scene; see `tsplat.io.load` for the parameters.
 
     Raises
     ------
+    OptionError
+        The scene has no such level of detail.
     CorruptFileError
         It is no zip or JSON of a scene, or its planes contradict it.
     """
     # What is too large for float32 became inf; finish counts and drops it.
     with np.errstate(over="ignore", invalid="ignore"):
-        return finish(path, *_read_any(path, 0, progress), max_splats=max_splats)
+        *arrays, antialiased = _read_any(path, options.lod, progress)
+        return finish(path, *arrays, max_splats=options.max_splats, antialiased=antialiased)
 
 
-def read_level(path: str | Path, level: int, *, max_splats: int | None = None) -> Gaussians:
-    """Read one level of detail of a streamed scene.
-
-    Parameters
-    ----------
-    path : str or Path
-        A lod-meta.json; other SOG scenes have level 0 only.
-    level : int
-        0 is the finest, which `tsplat.io.load` reads.
-    max_splats : int, optional
-        Keep at most this many, those with the largest opacity times area; by default all.
-
-    Raises
-    ------
-    OptionError
-        The scene has no such level.
-    LoadError
-        As for `tsplat.io.load`.
-    """
-    path = Path(path)
-    try:
-        with np.errstate(over="ignore", invalid="ignore"):
-            return finish(path, *_read_any(path, level, lambda _: None), max_splats=max_splats)
-    except OSError as error:
-        raise LoadError(path, f"cannot be read: {error.strerror or error}; check the path") from error
-    except MemoryError as error:
-        raise LoadError(path, "needs more memory than there is; keep a coarser level") from error
-
-
-def _read_any(path: Path, level: int, progress: Callable[[float], None]) -> Splats:
+def _read_any(path: Path, level: int | None, progress: Callable[[float], None]) -> Splats:
     if not _begins_as_zip(path):
         fields = read_fields(Folder(path), path.name)
         if is_streamed(fields):
@@ -86,7 +55,7 @@ def _read_any(path: Path, level: int, progress: Callable[[float], None]) -> Spla
             problem = "is JSON, but neither a meta.json nor a lod-meta.json of a SOG scene; choose another file"
             raise LoadError(path, problem)
     if level:
-        raise OptionError(f"level must be 0 in a scene that is not streamed, got {level}")
+        raise OptionError(f"lod must be 0 in a scene that is not streamed, got {level}")
     return _read_one(path, progress)
 
 
@@ -112,7 +81,10 @@ def _take_runs(splats: Splats, runs: list[Run]) -> Splats:
     wanted = np.zeros(len(splats.means), bool)
     for offset, count in runs:
         wanted[offset : offset + count] = True
-    return splats if wanted.all() else Splats(*(each[wanted] for each in splats))
+    if wanted.all():
+        return splats
+    means, quats, scales, opacities, sh = (array[wanted] for array in splats[:5])
+    return Splats(means, quats, scales, opacities, sh, splats.antialiased)
 
 
 def _joined(parts: list[Splats]) -> Splats:
@@ -120,7 +92,8 @@ def _joined(parts: list[Splats]) -> Splats:
         return parts[0]
     k = max(part.sh.shape[1] for part in parts)
     even = [part._replace(sh=np.pad(part.sh, ((0, 0), (0, k - part.sh.shape[1]), (0, 0)))) for part in parts]
-    return Splats(*(np.concatenate(arrays) for arrays in zip(*even, strict=True)))
+    means, quats, scales, opacities, sh = (np.concatenate(column) for column in list(zip(*even, strict=True))[:5])
+    return Splats(means, quats, scales, opacities, sh, all(part.antialiased for part in parts))
 
 
 def _read_one(path: Path, progress: Callable[[float], None]) -> Splats:

@@ -42,15 +42,16 @@ def is_streamed(fields: Fields) -> bool:
     return fields.has("tree") and fields.has("filenames")
 
 
-def pieces_of_level(fields: Fields, level: int) -> list[Piece]:
+def pieces_of_level(fields: Fields, level: int | None) -> list[Piece]:
     """Return what makes up a level of detail, in the order of the files.
 
     Parameters
     ----------
     fields : Fields
         The lod-meta.json.
-    level : int
+    level : int or None
         0 is the finest. A leaf without it gives its next coarser one, or else its coarsest.
+        None means every level.
 
     Raises
     ------
@@ -62,15 +63,15 @@ def pieces_of_level(fields: Fields, level: int) -> list[Piece]:
     filenames = fields.values.get("filenames")
     names = fields.names("filenames", len(filenames) if isinstance(filenames, list) else 1)
     levels = fields.count("lodLevels", 1, LEVELS_MAX)
-    if not 0 <= level < levels:
-        raise OptionError(f"level must be 0 to {levels - 1} in this scene, got {level}")
+    if level is not None and level >= levels:
+        raise OptionError(f"lod must be 0 to {levels - 1} in this scene, got {level}")
     found: dict[str, list[Run]] = {}
     for lods in _leaves(fields):
-        lod = _lod_of(lods, level)
-        # Two spellings of a name must not hide that they are one file.
-        name = str(PurePosixPath(names[lod.count("file", 0, len(names) - 1)]))
-        run = lod.count("offset", 0, PIXELS_MAX), lod.count("count", 0, PIXELS_MAX)
-        found.setdefault(name, []).append(run)
+        for lod in _lods_of(lods, level):
+            # Two spellings of a name must not hide that they are one file.
+            name = str(PurePosixPath(names[lod.count("file", 0, len(names) - 1)]))
+            run = lod.count("offset", 0, PIXELS_MAX), lod.count("count", 0, PIXELS_MAX)
+            found.setdefault(name, []).append(run)
     if not found:
         raise fields.corrupt("has a tree without leaves, expected at least one")
     for name, runs in found.items():
@@ -79,7 +80,9 @@ def pieces_of_level(fields: Fields, level: int) -> list[Piece]:
             if offset + count > following:
                 raise fields.corrupt(f"uses splat {following} of {name!a} twice, expected each once")
     if (total := sum(count for runs in found.values() for _, count in runs)) > PIXELS_MAX:
-        raise fields.corrupt(f"counts {total} splats in level {level}, expected at most {PIXELS_MAX}")
+        raise fields.corrupt(
+            f"counts {total} splats in level {'any' if level is None else level}, expected at most {PIXELS_MAX}"
+        )
     pieces = [Piece(name, runs) for name, runs in sorted(found.items())]
     # The sky and what else is far away is drawn behind every level.
     return pieces + ([Piece(fields.name("environment"), None)] if fields.has("environment") else [])
@@ -98,9 +101,11 @@ def _leaves(fields: Fields) -> Iterator[Fields]:
             raise fields.corrupt(f"holds {ascii(node)[:60]} in the tree, expected a node")
 
 
-def _lod_of(lods: Fields, level: int) -> Fields:
+def _lods_of(lods: Fields, level: int | None) -> list[Fields]:
     numbers = sorted(int(key) for key in lods.values if key.isascii() and key.isdigit() and len(key) < 5)
     if not numbers:
         raise lods.corrupt("has a leaf without levels in its tree, expected at least one")
+    if level is None:
+        return [lods.inner(str(number)) for number in numbers]
     nearest = next((number for number in numbers if number >= level), numbers[-1])
-    return lods.inner(str(nearest))
+    return [lods.inner(str(nearest))]

@@ -18,6 +18,9 @@ from tsplat.io.sog_planes import PIXELS_MAX
 F64 = npt.NDArray[np.float64]
 
 LEVELS = 256
+ANTIALIASED = "antialiased"
+"""What the field ``model`` says of a scene trained with antialiasing."""
+
 PALETTE_MAX = 1 << 16
 """A label has two bytes."""
 
@@ -63,6 +66,8 @@ class Meta:
         What a byte of the opacity stands for, from 0 to 1.
     palette : Palette, optional
         Colours beyond degree 0.
+    antialiased : bool
+        As in `Gaussians`.
     """
 
     count: int
@@ -77,6 +82,7 @@ class Meta:
     sh0_values: F64
     opacity_values: F64
     palette: Palette | None
+    antialiased: bool
 
 
 def parse_meta(fields: Fields) -> Meta:
@@ -105,7 +111,8 @@ def parse_meta(fields: Fields) -> Meta:
     quats, scale_plane, sh0_plane = (each.names("files", 1)[0] for each in (fields.inner("quats"), scales, sh0))
     mins, maxs = means.numbers("mins", 3, 3), means.numbers("maxs", 3, 3)
     planes = means_l, means_u, quats, scale_plane, sh0_plane
-    return Meta(count, *planes, mins, maxs, scale_values, sh0_values, opacity_values, palette)
+    antialiased = fields.values.get("model") == ANTIALIASED
+    return Meta(count, *planes, mins, maxs, scale_values, sh0_values, opacity_values, palette, antialiased)
 
 
 def _codebook(fields: Fields) -> F64:

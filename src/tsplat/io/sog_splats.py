@@ -32,13 +32,14 @@ SPLATS_A_BYTE = 16
 
 
 class Splats(NamedTuple):
-    """The arrays of `Gaussians`, not yet checked."""
+    """The fields of `Gaussians`, not yet checked."""
 
     means: F32
     quats: F32
     scales: F32
     opacities: F32
     sh: F32
+    antialiased: bool
 
 
 def read_splats(files: Files, meta: Meta, progress: Callable[[float], None]) -> Splats:
@@ -67,7 +68,7 @@ def read_splats(files: Files, meta: Meta, progress: Callable[[float], None]) -> 
     progress(5 / 7)
     sh = sh0[:, None] if meta.palette is None else _with_palette(files, meta, meta.palette, sh0)
     progress(1.0)
-    return Splats(means, quats, scales, opacities, sh)
+    return Splats(means, quats, scales, opacities, sh, meta.antialiased)
 
 
 def _pixels(files: Files, name: str, count: int) -> U8:

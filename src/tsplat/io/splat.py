@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from tsplat.errors import CorruptFileError
 from tsplat.io.finish import finish
+from tsplat.io.options import LoadOptions
 from tsplat.scene import Gaussians
 
 F32 = npt.NDArray[np.float32]
@@ -37,13 +38,7 @@ def matches(head: bytes) -> bool:  # noqa: ARG001
     return False
 
 
-def read(
-    path: Path,
-    *,
-    max_splats: int | None,
-    raw_opacity: bool,  # noqa: ARG001
-    progress: Callable[[float], None],
-) -> Gaussians:
+def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) -> Gaussians:
     """Read a ``.splat``; see `tsplat.io.load` for the parameters.
 
     Raises
@@ -71,7 +66,7 @@ def read(
             opacities[part], sh[part, 0] = decode_rgba(records["rgba"])
             progress(part.stop / count)
     with np.errstate(over="ignore", invalid="ignore"):  # a nan is dropped, and what a sum cannot hold with it
-        return finish(path, means, quats, scales, opacities, sh, max_splats=max_splats)
+        return finish(path, means, quats, scales, opacities, sh, max_splats=options.max_splats)
 
 
 def write(file: BinaryIO, gaussians: Gaussians) -> None:

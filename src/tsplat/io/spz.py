@@ -9,10 +9,11 @@ import warnings
 import zlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import BinaryIO, Literal
+from typing import BinaryIO
 
 from tsplat.errors import CorruptFileError, LoadWarning
 from tsplat.io.finish import finish
+from tsplat.io.options import LoadOptions
 from tsplat.io.spz_decode import (
     decode_first_three,
     decode_fixed,
@@ -52,20 +53,8 @@ def matches(head: bytes) -> bool:
         return False
 
 
-def read(
-    path: Path,
-    *,
-    max_splats: int | None,
-    raw_opacity: bool,  # noqa: ARG001
-    progress: Callable[[float], None],
-    frame: Literal["rub", "rdf"] = "rub",
-) -> Gaussians:
-    """Read an SPZ of any version; see `tsplat.io.load` for the other parameters.
-
-    Parameters
-    ----------
-    frame : {"rub", "rdf"}
-        The axes of the file: right, up, back by the specification; some writers keep a PLY's right, down, front.
+def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) -> Gaussians:
+    """Read an SPZ of any version; see `tsplat.io.load` for the parameters.
 
     Raises
     ------
@@ -93,10 +82,13 @@ def read(
         means = decode_fixed(streams["means"], header.fractional_bits)
     quats = (decode_first_three if header.version < 3 else decode_smallest_three)(streams["quats"])
     sh = decode_sh(streams["colours"], streams["sh"], REST_COEFFICIENTS[header.sh_degree])
-    if frame == "rub":
+    if options.spz_frame == "rub":
         half_turn(means, quats, sh)
     scales, opacities = decode_scales(streams["scales"]), decode_opacities(streams["opacities"])
-    gaussians = finish(path, means, quats, scales, opacities, sh, max_splats=max_splats)
+    antialiased = bool(header.flags & ANTIALIASED)
+    gaussians = finish(
+        path, means, quats, scales, opacities, sh, max_splats=options.max_splats, antialiased=antialiased
+    )
     progress(1.0)
     return gaussians
 

@@ -24,7 +24,9 @@ OTHERS = np.array([[2, 3, 0], [1, 3, 0], [1, 2, 0], [1, 2, 3]], np.intp)
 
 MEANS_SIGNS = np.array([1, -1, -1], np.float32)
 QUATS_SIGNS = np.array([1, 1, -1, -1], np.float32)
-SH_SIGNS = np.array([[1, -1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1, -1, 1, -1, 1]], np.float32).T
+SH_SIGNS = np.array(
+    [[1, -1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1, -1, 1, -1, 1, -1, 1, -1, 1, 1, -1, 1, -1, 1]], np.float32
+).T
 """What half a turn about x makes of the harmonics: each is odd or even in y and z together."""
 
 _BYTES = np.arange(256, dtype=np.float64)
@@ -89,9 +91,9 @@ def decode_smallest_three(stream: Stream) -> F32:
 
 
 def decode_sh(colours: Stream, rest: Stream, rest_coefficients: int) -> F32:
-    """Return harmonics, those beyond degree 3 left out."""
+    """Return harmonics, [N, 1 + rest_coefficients, 3]."""
     first = np.frombuffer(colours, np.uint8).reshape(-1, 3)
-    others = np.frombuffer(rest, np.uint8).reshape(len(first), rest_coefficients, 3)[:, :15]
+    others = np.frombuffer(rest, np.uint8).reshape(len(first), rest_coefficients, 3)
     sh = np.empty((len(first), 1 + others.shape[1], 3), np.float32)
     sh[:, 0] = _COLOURS[first]
     sh[:, 1:] = _REST[others]

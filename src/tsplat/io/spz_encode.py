@@ -16,14 +16,17 @@ import numpy.typing as npt
 
 from tsplat.errors import SaveError
 from tsplat.io.spz_decode import COLOUR_SCALE, MEANS_SIGNS, OTHERS, QUATS_SIGNS, SH_SIGNS, SMALLEST_BITS
-from tsplat.io.spz_header import HEADER, MAGIC
-from tsplat.scene import Gaussians
+from tsplat.io.spz_header import ANTIALIASED, HEADER, MAGIC
+from tsplat.scene import SH_COEFFICIENTS, Gaussians
 
 F32 = npt.NDArray[np.float32]
 
 VERSION = 3
 WRITE_ROWS = 1 << 16
 GZIP_LEVEL = 6
+
+SH_DEGREE_MAX = 3
+"""Readers of version 3 need know no more."""
 
 FRACTIONAL_BITS = 12
 """What Niantic's library always writes: steps of a quarter of a millimetre in a scene in metres."""
@@ -43,7 +46,8 @@ def write_spz(file: BinaryIO, gaussians: Gaussians) -> None:
     bits = fractional_bits(float(np.abs(gaussians.means).max(initial=0)))
     # No name and no time: the same scene makes the same bytes.
     with gzip.GzipFile("", "wb", GZIP_LEVEL, file, mtime=0) as stream:
-        stream.write(HEADER.pack(MAGIC, VERSION, len(gaussians), gaussians.sh_degree, bits, 0, 0))
+        degree, flags = min(gaussians.sh_degree, SH_DEGREE_MAX), ANTIALIASED if gaussians.antialiased else 0
+        stream.write(HEADER.pack(MAGIC, VERSION, len(gaussians), degree, bits, flags, 0))
         for encoded in _streams(gaussians, bits):
             stream.write(encoded)
 
@@ -67,7 +71,8 @@ def fractional_bits(reach: float) -> int:
 
 def _streams(gaussians: Gaussians, bits: int) -> Iterator[bytes]:
     parts = [slice(first, first + WRITE_ROWS) for first in range(0, len(gaussians), WRITE_ROWS)]
-    signs = SH_SIGNS[1 : gaussians.sh.shape[1]]
+    k = min(gaussians.sh.shape[1], SH_COEFFICIENTS[SH_DEGREE_MAX])
+    signs = SH_SIGNS[1:k]
     for part in parts:
         yield _fixed(gaussians.means[part] * MEANS_SIGNS, bits)
     for part in parts:
@@ -80,7 +85,7 @@ def _streams(gaussians: Gaussians, bits: int) -> Iterator[bytes]:
     for part in parts:
         yield _smallest_three(gaussians.quats[part] * QUATS_SIGNS)
     for part in parts:
-        yield _bytes(np.clip(gaussians.sh[part, 1:] * signs, -1, 1) * 128 + 128)
+        yield _bytes(np.clip(gaussians.sh[part, 1:k] * signs, -1, 1) * 128 + 128)
 
 
 def _bytes(values: F32) -> bytes:

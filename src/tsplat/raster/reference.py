@@ -113,7 +113,7 @@ def evaluate_sh(sh: npt.ArrayLike, directions: npt.ArrayLike, degree: int) -> F6
 
 
 def sh_basis(directions: F64) -> F64:
-    """Return the 16 real spherical harmonics of unit directions, [N, 16]; Sloan 2013, appendix A2."""
+    """Return the 25 real spherical harmonics of unit directions, [N, 25]; Sloan 2013, appendix A2."""
     x, y, z = directions.T
     one = np.ones_like(x)
     return np.stack(
@@ -134,6 +134,15 @@ def sh_basis(directions: F64) -> F64:
             -math.sqrt(21 / (32 * math.pi)) * x * (5 * z * z - 1),
             math.sqrt(105 / (16 * math.pi)) * z * (x * x - y * y),
             -math.sqrt(35 / (32 * math.pi)) * x * (x * x - 3 * y * y),
+            math.sqrt(315 / (16 * math.pi)) * x * y * (x * x - y * y),
+            -math.sqrt(315 / (32 * math.pi)) * y * z * (3 * x * x - y * y),
+            math.sqrt(45 / (16 * math.pi)) * x * y * (7 * z * z - 1),
+            -math.sqrt(45 / (32 * math.pi)) * y * z * (7 * z * z - 3),
+            math.sqrt(9 / (256 * math.pi)) * (35 * z**4 - 30 * z * z + 3),
+            -math.sqrt(45 / (32 * math.pi)) * x * z * (7 * z * z - 3),
+            math.sqrt(45 / (64 * math.pi)) * (x * x - y * y) * (7 * z * z - 1),
+            -math.sqrt(315 / (32 * math.pi)) * x * z * (x * x - 3 * y * y),
+            math.sqrt(315 / (256 * math.pi)) * (x**4 - 6 * x * x * y * y + y**4),
         ],
         -1,
     )

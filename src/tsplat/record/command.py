@@ -61,7 +61,7 @@ def record(out: str, scene: str, live: bool, max_splats: int | None, raw_opacity
     with replacing(path) as file:
         warm_up = WarmUp()
         gaussians = load_scene(scene, max_splats, raw_opacity, warm_up)
-        chosen = render_options(scene, "relative", options)
+        chosen = render_options(scene, gaussians, "relative", options)
         if live:
             view = {"name": Path(scene).stem, "output": wanted["output"], "up": up, "fov_y": fov_y}
             made = _record_session(file, path, gaussians, chosen, how, raw_opacity=raw_opacity, **view)

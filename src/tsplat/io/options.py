@@ -1,0 +1,46 @@
+"""What a caller may ask of a reader, checked once; a reader takes what concerns its format."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+from tsplat.errors import OptionError
+
+SpzFrame = Literal["rub", "rdf"]
+SPZ_FRAMES: tuple[SpzFrame, ...] = get_args(SpzFrame)
+
+
+@dataclass(frozen=True, slots=True)
+class LoadOptions:
+    """How to read a scene.
+
+    Attributes
+    ----------
+    max_splats : int, optional
+        Keep at most this many, those with the largest opacity times area; by default all.
+    raw_opacity : bool
+        A PLY holds opacities from 0 to 1 where others hold logits.
+    spz_frame : {"rub", "rdf"}
+        The axes of an SPZ: right, up, back by its specification; some writers keep a PLY's right, down, front.
+    lod : int, optional
+        Which level of detail of a streamed scene, 0 the finest; None for all of them, one over the other.
+
+    Raises
+    ------
+    OptionError
+        A value is out of its range.
+    """
+
+    max_splats: int | None = None
+    raw_opacity: bool = False
+    spz_frame: SpzFrame = "rub"
+    lod: int | None = 0
+
+    def __post_init__(self) -> None:
+        if self.max_splats is not None and self.max_splats < 1:
+            raise OptionError(f"max_splats must be 1 or more, got {self.max_splats}")
+        if self.spz_frame not in SPZ_FRAMES:
+            raise OptionError(f"spz_frame must be {' or '.join(SPZ_FRAMES)}, got {self.spz_frame!r}")
+        if self.lod is not None and self.lod < 0:
+            raise OptionError(f"lod must be 0 or more, got {self.lod}")
