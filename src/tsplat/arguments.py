@@ -67,6 +67,21 @@ UP = Triple("axis", "x, y, z, -x, -y, -z or three numbers X Y Z", AXES)
 BACKGROUND = Triple("color", "black, white, grey, #rrggbb or three numbers R G B from 0 to 1", COLORS)
 
 
+class Level(click.ParamType):  # type: ignore[type-arg]
+    """A level of detail, or all of them, which is None."""
+
+    name = "level"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return an int, or None."""
+        if isinstance(value, str) and not re.fullmatch(r"[0-9]{1,4}|all", value):
+            self.fail(f"{value!r} is not a level of detail, 0 or more, or all", param, ctx)
+        return None if value == "all" else int(value)
+
+
+LEVEL = Level()
+
+
 class Triples(click.RichCommand):
     """A command whose options of kind `Numbers`, mostly three, also take them as arguments of their own."""
 

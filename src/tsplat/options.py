@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import rich_click as click
 
-from tsplat.arguments import BACKGROUND, UP, scene_path
+from tsplat.arguments import BACKGROUND, LEVEL, UP, scene_path
 from tsplat.progress import loading
 from tsplat.rendering import ANTIALIAS, TRAIN_FOCAL_GUESS, Antialias, RenderOptions, own_antialias
 from tsplat.warmup import WarmUp
@@ -20,6 +20,9 @@ ANTIALIAS_HELP = (
     "relative to the training pictures. [the scene's own, else render: classic, view and record: relative]"
 )
 FOV_Y = 55.0
+
+READING = ("max-splats", "raw-opacity", "spz-frame", "lod")
+"""The options that say how a scene is read."""
 
 
 def shared(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -34,6 +37,11 @@ def shared(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
                                    help="Keep the N splats with the largest opacity times area. [all]"),
         "raw-opacity": click.option("--raw-opacity", is_flag=True,
                                     help="The file holds opacities from 0 to 1, not their logits."),
+        "spz-frame": click.option("--spz-frame", type=click.Choice(["rub", "rdf"]), default="rub",
+                                  help="Axes of an SPZ: right, up, back as specified; rdf where its writer kept "
+                                  "those of a PLY, and the scene is upside down. [rub]"),
+        "lod": click.option("--lod", type=LEVEL, default="0", metavar="N|all",
+                            help="Level of detail of a streamed scene, 0 the finest, or all of them. [0]"),
         "fov-y": click.option("--fov-y", type=click.FloatRange(0, 180, True, True), default=FOV_Y,
                               show_default=True, metavar="DEGREES", help="Vertical field of view."),
         "train-focal": click.option("--train-focal", type=click.FloatRange(0, min_open=True), metavar="PIXELS",
@@ -51,12 +59,17 @@ def shared(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     return add
 
 
-def load_scene(scene: str, max_splats: int | None, raw_opacity: bool, warm_up: WarmUp | None = None) -> Gaussians:
-    """Return the scene a person named, with a bar on stderr when that takes long."""
+def reading(options: dict[str, Any]) -> dict[str, Any]:
+    """Take those options out that say how a scene is read."""
+    return {name: options.pop(name) for name in (option.replace("-", "_") for option in READING)}
+
+
+def load_scene(scene: str, how: dict[str, Any], warm_up: WarmUp | None = None) -> Gaussians:
+    """Return the scene a person named, with a bar on stderr when that takes long; see `reading`."""
     from tsplat.io import load
 
     with loading(scene, warm_up) as progress:
-        return load(scene_path(scene), max_splats=max_splats, raw_opacity=raw_opacity, progress=progress)
+        return load(scene_path(scene), **how, progress=progress)
 
 
 def render_options(

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -36,14 +39,25 @@ def test_one_scene_joined_is_itself() -> None:
     assert edit.join([alone]) is alone
 
 
+@pytest.mark.parametrize("flags", [(False, False), (True, True, True), (True, False), (False, False, True)])
+def test_a_joined_scene_is_antialiased_where_all_are_and_who_asks_is_warned_where_some_are(
+    flags: tuple[bool, ...],
+) -> None:
+    scenes = [replace(scene(5, 0), antialiased=flag) for flag in flags]
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        assert edit.join(scenes).antialiased == all(flags)
+    assert len(caught) == (len(set(flags)) > 1)
+
+
 def test_an_empty_scene_adds_nothing_but_its_degree() -> None:
     joined = edit.join([scene(5, 1), scene(5, 2).take([])])
     assert (len(joined), joined.sh_degree) == (5, 2)
 
 
-@pytest.mark.parametrize("degree", [0, 1, 2, 3])
+@pytest.mark.parametrize("degree", [0, 1, 2, 3, 4])
 def test_a_lower_degree_draws_what_the_renderer_draws_at_that_degree(degree: int) -> None:
-    gaussians, camera = scene(40, 3), front_camera()
+    gaussians, camera = scene(40, 4), front_camera()
     lowered = edit.lower_sh_degree(gaussians, degree)
     assert lowered.sh.shape == (40, SH_COEFFICIENTS[degree], 3)
     asked = rasterize(gaussians, camera, RenderOptions(sh_degree=degree))

@@ -25,7 +25,7 @@ F64 = npt.NDArray[np.float64]
 
 @pytest.fixture(scope="module")
 def cloud() -> Gaussians:
-    return random_gaussians(np.random.default_rng(6), 300)
+    return random_gaussians(np.random.default_rng(6), 300, sh_degree=4)
 
 
 def euler(x: float, y: float, z: float) -> F64:

@@ -10,7 +10,7 @@ from typing import Any
 import rich_click as click
 
 from tsplat.arguments import InOrder, Numbers
-from tsplat.options import load_scene, shared
+from tsplat.options import READING, load_scene, reading, shared
 
 WIDTH = 115
 """Columns of what is not written to a terminal."""
@@ -33,7 +33,7 @@ EDITS = (
     ("--remove-floaters", FLOATERS, "[SIGMAS]",
      "Remove splats that are alone: their mean distance to the 16 nearest is so many standard deviations above "
      "the mean of all. Fewer remove more. [2]"),
-    ("--sh-degree", click.IntRange(0, 3), "D", "Leave out spherical harmonics above this degree."),
+    ("--sh-degree", click.IntRange(0, 4), "D", "Leave out spherical harmonics above this degree."),
     ("--rotate", POINT, "X,Y,Z", "Turn by degrees about the x axis, then about y, then about z."),
     ("--translate", POINT, "X,Y,Z", "Shift, in world units."),
     ("--scale", click.FloatRange(0, min_open=True), "F", "Scale about the origin."),
@@ -49,14 +49,13 @@ def edit_options(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 @click.command("convert", cls=InOrder)
-@click.argument("scenes", nargs=-1, required=True, metavar="IN...")
-@click.argument("out", metavar="OUT")
+@click.argument("scenes", nargs=-1, required=True, metavar="IN...", help="What to read, or `demo`.")
+@click.argument("out", metavar="OUT", help="What to write, by its suffix; it may be one of those that are read.")
 @edit_options
-@shared("max-splats", "raw-opacity")
+@shared(*READING)
 @click.option("--json", "as_json", is_flag=True, help="Say what was done as JSON, for programs.")
 @click.pass_obj
-def convert(given: list[str], /, scenes: tuple[str, ...], out: str, max_splats: int | None, raw_opacity: bool,
-            as_json: bool, **edits: tuple[Any, ...]) -> None:  # fmt: skip
+def convert(given: list[str], /, scenes: tuple[str, ...], out: str, as_json: bool, **options: Any) -> None:
     """Write the splats of IN, or of several joined, to OUT in the format of its suffix, replacing a file there.
 
     Options that change the scene are followed in the order in which they are given, and may be repeated.
@@ -64,12 +63,11 @@ def convert(given: list[str], /, scenes: tuple[str, ...], out: str, max_splats: 
     from tsplat.convert import conversion
     from tsplat.convert.edits import Edit, in_order
 
-    wanted = in_order(given, edits)
-    if max_splats is not None and len(scenes) > 1:  # so many of each are read, and so many of all are kept
-        wanted.insert(0, Edit("max-splats", max_splats))
-    document = conversion.convert(
-        scenes, Path(out), wanted, lambda scene: load_scene(scene, max_splats, raw_opacity)
-    )
+    how = reading(options)
+    edits = in_order(given, options)
+    if how["max_splats"] and len(scenes) > 1:  # so many of each are read, and so many of all are kept
+        edits.insert(0, Edit("max-splats", how["max_splats"]))
+    document = conversion.convert(scenes, Path(out), edits, lambda scene: load_scene(scene, how))
     if as_json:
         import json
 

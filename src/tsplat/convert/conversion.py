@@ -87,5 +87,6 @@ def _about(name: str, path: Path, gaussians: Gaussians) -> Document:
         "format": known.name if known else None,
         "splats": len(gaussians),
         "sh_degree": gaussians.sh_degree,
+        "antialiased": gaussians.antialiased,
         "bytes": size,
     }

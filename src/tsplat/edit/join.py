@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
-from dataclasses import fields
 
 import numpy as np
 
 from tsplat.edit.harmonics import with_sh_degree
+from tsplat.errors import LoadWarning
 from tsplat.scene import Gaussians
 
 
@@ -22,12 +23,20 @@ def join(scenes: Sequence[Gaussians]) -> Gaussians:
     Returns
     -------
     Gaussians
-        Of the highest degree of harmonics among them, the missing ones zero.
+        Of the highest degree of harmonics among them, the missing ones zero; antialiased where all are.
+
+    Warns
+    -----
+    LoadWarning
+        Some are antialiased and some are not: no way to draw them suits all.
     """
-    first, *others = scenes
-    if not others:
-        return first
+    if len(scenes) == 1:
+        return scenes[0]
+    antialiased = sum(scene.antialiased for scene in scenes)
+    if 0 < antialiased < len(scenes):
+        problem = f"{antialiased} of {len(scenes)} scenes are antialiased; joined, none counts as antialiased"
+        warnings.warn(problem, LoadWarning, stacklevel=2)
     degree = max(scene.sh_degree for scene in scenes)
-    alike = [with_sh_degree(scene, degree) for scene in scenes]
-    names = [field.name for field in fields(first)]
-    return Gaussians(*(np.concatenate([getattr(scene, name) for scene in alike]) for name in names))
+    arrays = zip(*(with_sh_degree(scene, degree).arrays for scene in scenes), strict=True)
+    means, quats, scales, opacities, sh = (np.concatenate(parts) for parts in arrays)
+    return Gaussians(means, quats, scales, opacities, sh, antialiased == len(scenes))
