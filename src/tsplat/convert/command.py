@@ -31,8 +31,8 @@ EDITS = (
     ("--max-scale", click.FloatRange(0), "S",
      "Remove splats whose longest standard deviation is more, in world units."),
     ("--remove-floaters", FLOATERS, "[SIGMAS]",
-     "Remove splats that are alone: their mean distance to the 16 nearest is so many standard deviations above "
-     "the mean of all. Fewer remove more. [2]"),
+     "Remove splats that are alone: farther from their 16 nearest, for their sizes, than the mean by so many "
+     "standard deviations. Fewer remove more. [2]"),
     ("--sh-degree", click.IntRange(0, 4), "D", "Leave out spherical harmonics above this degree."),
     ("--rotate", POINT, "X,Y,Z", "Turn by degrees about the x axis, then about y, then about z."),
     ("--translate", POINT, "X,Y,Z", "Shift, in world units."),

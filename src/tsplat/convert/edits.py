@@ -68,6 +68,6 @@ def apply(wanted: Edit, gaussians: Gaussians, progress: Callable[[float], None])
 
 def _compile_search() -> None:
     """Look for a neighbour once, for the sake of the kernels."""
-    from tsplat.edit.neighbours import mean_distances
+    from tsplat.edit.neighbours import mean_gaps
 
-    mean_distances(np.zeros((2, 3), np.float32), 1)
+    mean_gaps(np.zeros((2, 3), np.float32), np.zeros(2, np.float32), 1)

@@ -1,7 +1,10 @@
 """Floaters: splats that are alone where others have company.
 
-Source: Rusu et al. 2008, *Towards 3D point cloud based object maps for household environments*, section 4.1,
-known as statistical outlier removal.
+Where a surface is smooth, few large splats make it, each far from the next, and none of them floats. So distances
+are measured in sizes of the splats; the rest is as usual for points.
+
+Source: Rusu et al. 2008, *Towards 3D Point Cloud Based Object Maps for Household Environments*, which is known as
+statistical outlier removal.
 """
 
 from __future__ import annotations
@@ -22,15 +25,15 @@ SIGMAS = 2.0
 def remove_floaters(
     gaussians: Gaussians, sigmas: float = SIGMAS, progress: Callable[[float], None] | None = None
 ) -> Gaussians:
-    """Remove the splats whose mean distance to their nearest neighbours is far above what is usual in the scene.
+    """Remove the splats that are farther from their nearest neighbours, for their sizes, than is usual here.
 
     Parameters
     ----------
     gaussians : Gaussians
         Any scene.
     sigmas : float
-        A splat goes when its mean distance to its `NEIGHBOURS` nearest is more than this many standard deviations
-        above the mean of all these distances.
+        How alone a splat is is the logarithm of 1 + its mean distance to its `NEIGHBOURS` nearest, in units of the
+        longest standard deviations of both. It goes when that is so many standard deviations above the mean.
     progress : callable, optional
         Called with the fraction done, growing from 0 to 1.
 
@@ -39,9 +42,10 @@ def remove_floaters(
     Gaussians
         In the same order.
     """
-    from tsplat.edit.neighbours import mean_distances  # brings in Numba, which other edits do without
-
-    distances = mean_distances(gaussians.means, NEIGHBOURS, progress)
-    if not len(distances):
+    if not len(gaussians):
         return gaussians
-    return gaussians.take(np.flatnonzero(distances <= distances.mean() + sigmas * distances.std()))
+    from tsplat.edit.neighbours import mean_gaps  # brings in Numba, which other edits do without
+
+    # The logarithm keeps a single splat beyond all measure from making everything else usual.
+    alone = np.log1p(mean_gaps(gaussians.means, gaussians.scales.max(axis=1), NEIGHBOURS, progress))
+    return gaussians.take(np.flatnonzero(alone <= alone.mean() + sigmas * alone.std()))
