@@ -231,9 +231,9 @@ def test_the_account_adds_up(capsys: pytest.CaptureFixture[str], scene: Path, tm
         {"edit": "--rotate 1,2,3", "removed": 0, "splats": opaque, "sh_degree": 1},
         {"edit": "--sh-degree 0", "removed": 0, "splats": opaque, "sh_degree": 0},
     ]
+    size, ratio = out.stat().st_size, out.stat().st_size / (2 * scene.stat().st_size)
     assert document["output"] == {
-        "name": str(out), "format": "SPZ", "splats": opaque, "sh_degree": 0, "antialiased": False,
-        "bytes": out.stat().st_size,
+        "name": str(out), "format": "SPZ", "splats": opaque, "bytes": size, "ratio": ratio
     }  # fmt: skip
 
 
@@ -263,6 +263,7 @@ def test_what_files_beside_a_json_weigh_is_not_guessed(capsys: pytest.CaptureFix
     write_folder(tmp_path, made_up(np.random.default_rng(0)).files())
     document = account(capsys, tmp_path / "meta.json", tmp_path / "x.ply")
     assert (document["inputs"][0]["format"], document["inputs"][0]["bytes"]) == ("SOG", None)
+    assert document["output"]["ratio"] is None
     assert convert(tmp_path / "meta.json", tmp_path / "x.ply") == 0
     assert "%" not in capsys.readouterr().out
 

@@ -50,7 +50,7 @@ def convert(scenes: Sequence[str], out: Path, edits: Sequence[Edit], load: Calla
     """
     with saving(out) as write:
         loaded = [load(scene) for scene in scenes]
-        inputs = [_about(name, scene_path(name), scene) for name, scene in zip(scenes, loaded, strict=True)]
+        inputs = [_input(name, scene_path(name), scene) for name, scene in zip(scenes, loaded, strict=True)]
         gaussians = join(loaded)
         if not len(gaussians):
             raise OptionError(f"there are no splats in {', '.join(scenes)}; nothing is written")
@@ -60,7 +60,7 @@ def convert(scenes: Sequence[str], out: Path, edits: Sequence[Edit], load: Calla
                 gaussians, step = _edited(gaussians, edit, progress)
                 steps.append(step)
         write(gaussians)
-    return {"inputs": inputs, "edits": steps, "output": _about(str(out), out, gaussians)}
+    return {"inputs": inputs, "edits": steps, "output": _output(out, len(gaussians), inputs)}
 
 
 def _edited(gaussians: Gaussians, edit: Edit, progress: Callable[[float], None]) -> tuple[Gaussians, Document]:
@@ -75,18 +75,23 @@ def _edited(gaussians: Gaussians, edit: Edit, progress: Callable[[float], None])
     }  # fmt: skip
 
 
-def _about(name: str, path: Path, gaussians: Gaussians) -> Document:
-    """Return what there is to say about a scene and its file; the sizes of files beside a JSON are not known."""
-    known, size = None, None
-    if path.is_file():
-        with path.open("rb") as file:
-            known = find_format(file.read(HEAD_BYTES), path.name)
-        size = None if path.suffix.lower() == ".json" else path.stat().st_size
-    return {
-        "name": name,
-        "format": known.name if known else None,
-        "splats": len(gaussians),
-        "sh_degree": gaussians.sh_degree,
-        "antialiased": gaussians.antialiased,
-        "bytes": size,
-    }
+def _input(name: str, path: Path, gaussians: Gaussians) -> Document:
+    about = {"splats": len(gaussians), "sh_degree": gaussians.sh_degree, "antialiased": gaussians.antialiased}
+    return {"name": name, **_file(path), **about}
+
+
+def _output(path: Path, splats: int, inputs: Sequence[Document]) -> Document:
+    about = _file(path)
+    before, after = [each["bytes"] for each in inputs], about["bytes"]
+    ratio = None if None in (*before, after) else after / sum(before)
+    return {"name": str(path), **about, "splats": splats, "ratio": ratio}
+
+
+def _file(path: Path) -> Document:
+    """Return format and size of a file, None where they are not known, as the size of what belongs to a JSON."""
+    if not path.is_file():
+        return {"format": None, "bytes": None}
+    with path.open("rb") as file:
+        known = find_format(file.read(HEAD_BYTES), path.name)
+    size = None if path.suffix.lower() == ".json" else path.stat().st_size
+    return {"format": known.name if known else None, "bytes": size}

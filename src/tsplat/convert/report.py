@@ -25,28 +25,20 @@ def report(document: Document) -> Table:
     table.add_column("format")
     for name in ("splats", "removed", "SH", "size"):
         table.add_column(name, justify="right", no_wrap=True)
-    for about in document["inputs"]:
-        table.add_row(*_scene("in", about), _size(about["bytes"]))
+    for each in document["inputs"]:
+        _add_scene(table, "in", each, str(each["sh_degree"]), "")
     table.add_section()
     for step in document["edits"]:
         removed = f"{step['removed']:,}" if step["removed"] else ""
         table.add_row(Text(step["edit"]), "", f"{step['splats']:,}", removed, str(step["sh_degree"]), "")
     table.add_section()
     output = document["output"]
-    table.add_row(*_scene("out", output), _size(output["bytes"]) + _share(document), style="bold")
+    share = "" if output["ratio"] is None else f", {100.0 * output['ratio']:.3g} %"
+    _add_scene(table, "out", output, "", share, style="bold")
     return table
 
 
-def _scene(way: str, about: Document) -> tuple[Text, str, str, str, str]:
+def _add_scene(table: Table, way: str, about: Document, sh_degree: str, share: str, style: str = "") -> None:
     name = Text.assemble((f"{way} ", "dim"), about["name"])
-    return name, about["format"] or "", f"{about['splats']:,}", "", str(about["sh_degree"])
-
-
-def _size(size: int | None) -> str:
-    return "" if size is None else f"{size / 1e6:,.2f} MB"
-
-
-def _share(document: Document) -> str:
-    """Return what came out as a share of what went in, where that is known."""
-    sizes = [about["bytes"] for about in document["inputs"]]
-    return "" if None in sizes else f", {100.0 * document['output']['bytes'] / sum(sizes):.3g} %"
+    size = "" if about["bytes"] is None else f"{about['bytes'] / 1e6:,.2f} MB"
+    table.add_row(name, about["format"] or "", f"{about['splats']:,}", "", sh_degree, size + share, style=style)
