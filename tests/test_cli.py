@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import subprocess
@@ -172,8 +171,8 @@ def test_an_spz_with_the_axes_of_a_ply_can_be_turned_over(scene: Path, tmp_path:
 
 
 def test_a_level_of_detail_is_for_streamed_scenes(capsys: pytest.CaptureFixture[str], scene: Path) -> None:
-    assert cli.main(["info", str(scene), "--lod", "all", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["count"] == 300
+    assert cli.main(["info", str(scene), "--lod", "all"]) == 0
+    assert "300" in capsys.readouterr().out
     for args in (["render", scene, "-o", "x.png"], ["info", scene], ["bench", scene], [scene]):
         assert "lod must be 0 in a scene that is not streamed" in failure(capsys, *args, "--lod", 2)
     assert "'few' is not a level of detail, 0 or more, or all" in failure(capsys, "info", scene, "--lod", "few")
@@ -191,19 +190,8 @@ def test_the_training_focal_matters_to_relative_alone(scene: Path, tmp_path: Pat
     assert not np.array_equal(at("relative", 20), at("relative", 2000))
 
 
-def test_info_says_what_the_scene_holds(capsys: pytest.CaptureFixture[str], scene: Path) -> None:
-    assert cli.main(["info", str(scene), "--json"]) == 0
-    summary = json.loads(capsys.readouterr().out)
-    assert (summary["count"], summary["sh_degree"]) == (300, 1)
-    assert cli.main(["info", str(scene)]) == 0
-    table = capsys.readouterr().out
-    for word in ("count", "300", "sh degree", "bulk radius", "memory", "MB", "percentile", "95 %"):
-        assert word in table
-
-
-def test_info_of_an_empty_scene_is_no_error(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_a_picture_of_an_empty_scene_is_no_error(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     path = save(tmp_path / "empty.ply", random_gaussians(np.random.default_rng(0), 0))
-    assert cli.main(["info", str(path)]) == 0
     assert cli.main(["render", str(path), "-o", str(tmp_path / "x.png"), "--width", "9", "--height", "9"]) == 0
     assert "0 of 0 splats" in capsys.readouterr().out
 
@@ -214,9 +202,10 @@ def test_a_warning_is_one_line(capsys: pytest.CaptureFixture[str], scene: Path, 
     broken[first : first + 4] = np.float32(np.nan).tobytes()
     path = tmp_path / "nan.ply"
     path.write_bytes(broken)
-    assert cli.main(["info", str(path), "--json"]) == 0
+    arguments = ["render", path, "-o", tmp_path / "x.png", "--width", 9, "--height", 9]
+    assert cli.main([str(argument) for argument in arguments]) == 0
     out, err = capsys.readouterr()
-    assert json.loads(out)["count"] == 299
+    assert "of 299 splats" in out
     assert err.startswith("tsplat: warning: ")
     assert err.count("\n") == 1
 

@@ -22,6 +22,7 @@ from tsplat.convert.command import convert
 from tsplat.doctor.command import doctor
 from tsplat.encode import ENCODERS, FALLBACK_CELL, PICTURES
 from tsplat.errors import LoadWarning, OptionError, TsplatError
+from tsplat.info.command import info
 from tsplat.options import READING, load_scene, reading, render_options, shared
 from tsplat.progress import wait_for_kernels
 from tsplat.record.command import record
@@ -140,23 +141,7 @@ def render(scene: str, output: str, width: int, height: int, **options: Any) -> 
     print(f"{path}: {width} x {height}, {splats}, rendered in {milliseconds:.0f} ms", flush=True)
 
 
-@command.command()
-@click.argument("scene")
-@click.option("--json", "as_json", is_flag=True, help="As JSON, for programs.")
-@shared(*READING)
-def info(scene: str, as_json: bool, **options: Any) -> None:
-    """Print the count, bounds, percentiles and memory of SCENE, or `demo`."""
-    from tsplat.summary import summarize
-
-    summary = summarize(load_scene(scene, reading(options))).as_dict()
-    if as_json:
-        import json
-
-        print(json.dumps(summary, indent=2), flush=True)
-    else:
-        _print_table(scene, summary)
-
-
+command.add_command(info)
 command.add_command(convert)
 command.add_command(bench)
 command.add_command(doctor)
@@ -212,31 +197,3 @@ def _print_frame(
     sys.stdout.flush()
     sys.stdout.buffer.writelines(cells.lines(frame))
     sys.stdout.buffer.flush()
-
-
-def _print_table(scene: str, summary: dict[str, Any]) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    plain = Table(show_header=False, title=scene, title_justify="left", box=None, pad_edge=False)
-    plain.add_column(style="bold")
-    plain.add_column()
-    for name, value in summary.items():
-        if not isinstance(value, dict):
-            plain.add_row(*_shown(name, value))
-    percentiles = {name: value for name, value in summary.items() if isinstance(value, dict) and value}
-    spread = Table("percentile", *percentiles, box=None, pad_edge=False)
-    for percent in next(iter(percentiles.values()), {}):
-        spread.add_row(f"{percent} %", *(f"{values[percent]:.3g}" for values in percentiles.values()))
-    console = Console()
-    console.print(plain, "", spread if percentiles else "")
-    sys.stdout.flush()
-
-
-def _shown(name: str, value: Any) -> tuple[str, str]:
-    if name == "nbytes":
-        return "memory", f"{value / 1e6:,.1f} MB"
-    if isinstance(value, (list, tuple)):
-        return name.replace("_", " "), "  ".join(f"{number:.4g}" for number in value)
-    text = f"{value:,}" if isinstance(value, int) else f"{value:.4g}" if isinstance(value, float) else str(value)
-    return name.replace("_", " "), text

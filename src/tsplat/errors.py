@@ -17,6 +17,11 @@ from __future__ import annotations
 from pathlib import Path
 
 
+def printable(name: str) -> str:
+    """Return a file's name without the escape sequences that it may hold; on a terminal they would act."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in name)
+
+
 class LoadWarning(UserWarning):
     """Something in a file was dropped or mended while loading it; the text says what and how many."""
 
@@ -39,8 +44,7 @@ class LoadError(TsplatError, ValueError):
     """
 
     def __init__(self, path: str | Path, problem: str, offset: int | None = None) -> None:
-        # A file's name may hold escape sequences; on a terminal they would act.
-        name = "".join(c if c.isprintable() else repr(c)[1:-1] for c in str(path))
+        name = printable(str(path))
         where = name if offset is None else f"{name}: at byte {offset}"
         super().__init__(f"{where}: {problem}")
         self.path, self.problem, self.offset = Path(path), problem, offset

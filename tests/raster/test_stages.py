@@ -51,10 +51,10 @@ def after(
 ) -> tuple[Frame, npt.NDArray[np.intp]]:
     """Return a frame after these stages, and the places of its records in the order of the file."""
     scene = prepared(gaussians, options.worker_count)
-    frame = new_frame(scene, camera, options, pairs)
+    frame = new_frame(scene, scene.blocks, camera, options, pairs)
     for stage in stages:
         on_threads(options.worker_count, frame.team, stage, frame)
-    return frame, np.concatenate([np.arange(n) + block * BLOCK for block, n in enumerate(scene.visible)])
+    return frame, np.concatenate([np.arange(n) + block * BLOCK for block, n in enumerate(frame.visible)])
 
 
 def records_of(frame: Frame) -> npt.NDArray[np.float32]:

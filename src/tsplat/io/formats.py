@@ -60,11 +60,15 @@ FORMATS = (
 
 
 def find_format(head: bytes, name: str) -> Format | None:
-    """Return the format of a file by its first bytes, then by how its name ends, the longest first, or None."""
-    for known in FORMATS:
-        if known.matches(head):
-            return known
+    """Return the format of a file, or None.
+
+    Its first bytes decide; where they fit several formats or none, the longest ending of its name does.
+    """
+    fitting = [known for known in FORMATS if known.matches(head)]
     ends = [
-        (len(suffix), known) for known in FORMATS for suffix in known.suffixes if name.lower().endswith(suffix)
+        (len(suffix), known)
+        for known in fitting or FORMATS
+        for suffix in known.suffixes
+        if name.lower().endswith(suffix)
     ]
-    return max(ends, key=lambda end: end[0], default=(0, None))[1]
+    return max(ends, key=lambda end: end[0], default=(0, fitting[0] if fitting else None))[1]

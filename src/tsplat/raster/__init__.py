@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import time
 
+import numpy as np
+import numpy.typing as npt
+
 from tsplat.camera import Camera
 from tsplat.raster.bin import room
 from tsplat.raster.draw import draw
 from tsplat.raster.frame import BLENDS, STAGES, VISIBLE, new_frame
-from tsplat.raster.prepare import prepared
+from tsplat.raster.prepare import BLOCK, Prepared, prepared
 from tsplat.raster.workers import on_threads
 from tsplat.rendering import Rendering, RenderOptions
 from tsplat.scene import Gaussians
 
-__all__ = ["rasterize"]
+__all__ = ["rasterize", "rasterize_blocks"]
 
 
 def rasterize(gaussians: Gaussians, camera: Camera, options: RenderOptions) -> Rendering:
@@ -33,14 +36,21 @@ def rasterize(gaussians: Gaussians, camera: Camera, options: RenderOptions) -> R
     Rendering
         The same bits for the same arguments, whatever the number of threads.
     """
+    scene = prepared(gaussians, options.worker_count)
+    return rasterize_blocks(scene, scene.blocks, camera, options)
+
+
+def rasterize_blocks(
+    scene: Prepared, blocks: npt.NDArray[np.int32], camera: Camera, options: RenderOptions
+) -> Rendering:
+    """Draw some blocks of a scene, as `rasterize` would if there were no others."""
     threads = options.worker_count
-    scene = prepared(gaussians, threads)
     with scene.lock:
-        frame = new_frame(scene, camera, options, pairs=2 * len(gaussians))
+        frame = new_frame(scene, blocks, camera, options, pairs=2 * BLOCK * len(blocks))
         start = time.monotonic_ns()
         pairs = on_threads(threads, frame.team, draw, frame, meets=True)
         if pairs > room(frame):
-            frame = new_frame(scene, camera, options, pairs)
+            frame = new_frame(scene, blocks, camera, options, pairs)
             start = time.monotonic_ns()
             on_threads(threads, frame.team, draw, frame, meets=True)
         ends = frame.stamps[: len(STAGES)].tolist()

@@ -37,7 +37,8 @@ class Buffers:
         """Return the array of that name, at least this long; what it held is lost when it grows."""
         found = self._arrays.get(name)
         if found is None or len(found) < length:
-            found = self._arrays[name] = aligned(length + length // 2, dtype)
+            # What grew once may grow again.
+            found = self._arrays[name] = aligned(length if found is None else length + length // 2, dtype)
         return found
 
     def image(self, *shape: int) -> F32:

@@ -23,6 +23,9 @@ ROUNDS = 2000
 
 COPY_BYTES = 64 << 20
 
+RECORD_BYTES = 4 * col.LENGTH + 4 + 8
+"""Of a visible splat: its record, its sort key, and its first and last tile."""
+
 
 def blends_per_second() -> float:
     """Return how often a second one thread blends a splat into a cell when nothing leaves the first-level cache.
@@ -63,8 +66,7 @@ def project_bytes(gaussians: Gaussians, rendering: Rendering, options: RenderOpt
     used = scene.coefficients_used(options.sh_degree)
     if used:
         read += scene.sh_rest.nbytes * used // scene.coefficients
-    room = sum(array.nbytes for array in (scene.records, scene.depth_keys, scene.tiles))
-    return read + room * rendering.visible // max(1, len(scene.log2_opacities))
+    return read + RECORD_BYTES * rendering.visible
 
 
 def _shortest(function: Callable[[], object]) -> float:

@@ -13,6 +13,7 @@ from tsplat._bits import BATCH
 from tsplat.camera import Camera
 from tsplat.raster.cells import TILE
 from tsplat.raster.prepare import BLOCK, Prepared
+from tsplat.raster.record import LENGTH
 from tsplat.rendering import DEPTH_BITS_IGNORED, JACOBIAN_LIMIT, RenderOptions
 
 F32 = npt.NDArray[np.float32]
@@ -56,10 +57,24 @@ class Image(NamedTuple):
 
 
 class Frame(NamedTuple):
-    """One frame; P is the number of splats padded to blocks, V of visible ones, T of tiles, W of workers.
+    """One frame; what `Prepared` describes is flat here, and the work arrays may be longer than the frame needs.
 
-    ``numbers`` are the camera's and the options', see `_numbers`. What `Prepared` describes is
-    flat here. ``isect_ids`` may turn out too short: then nothing is composited, and `draw` returns what it needs.
+    Attributes
+    ----------
+    numbers : ndarray of float32
+        The camera's and the options', see `_numbers`.
+    blocks : ndarray of int32, [B]
+        Which blocks of the scene are drawn.
+    records : ndarray of float32, [B * BLOCK * 16]
+        One row for each visible splat, see `record`; those of a block start where it would if only these were.
+    depth_keys : ndarray of uint32, [B * BLOCK]
+        What each record is sorted by.
+    tiles : ndarray of uint64, [B * BLOCK]
+        First tile of each record, 16 bits of its column and then of its row; above, the last tile.
+    visible : ndarray of int32, [B]
+        Records of each block.
+    isect_ids : ndarray of int32
+        May turn out too short: then nothing is composited, and `draw` returns what it needs.
     """
 
     numbers: F32
@@ -80,6 +95,7 @@ class Frame(NamedTuple):
     tiles: npt.NDArray[np.uint64]
     visible: npt.NDArray[np.int32]
     bounds: F32
+    blocks: npt.NDArray[np.int32]
     pairs: npt.NDArray[np.uint64]
     order: npt.NDArray[np.int32]
     sorted_tiles: npt.NDArray[np.uint64]
@@ -95,14 +111,17 @@ class Frame(NamedTuple):
     stamps: I64
 
 
-def new_frame(scene: Prepared, camera: Camera, options: RenderOptions, pairs: int) -> Frame:
-    """Return a frame with room for this many pairs of a tile and a splat; its images belong to the caller."""
+def new_frame(
+    scene: Prepared, blocks: npt.NDArray[np.int32], camera: Camera, options: RenderOptions, pairs: int
+) -> Frame:
+    """Return a frame of these blocks with room for so many pairs of a tile and a splat, and images of its own."""
     height, width, buffers = camera.height, camera.width, scene.buffers
-    size = width, height, options.worker_count, pairs
+    size = width, height, options.worker_count, pairs, len(blocks)
     if scene.last_size != size:
         scene.last_frame, scene.last_size = _frame_of_size(scene, *size), size
     shared: Frame = scene.last_frame
     return shared._replace(
+        blocks=blocks,
         numbers=_numbers(camera, options),
         coefficients=scene.coefficients_used(options.sh_degree),
         image=Image(
@@ -116,9 +135,9 @@ def new_frame(scene: Prepared, camera: Camera, options: RenderOptions, pairs: in
     )
 
 
-def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs: int) -> Frame:
+def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs: int, blocks: int) -> Frame:
     """Return what frames of one size share; what each has of its own is empty."""
-    buffers, padded = scene.buffers, len(scene.log2_opacities)
+    buffers, padded = scene.buffers, blocks * BLOCK
     tile_columns = -(-width // TILE)
     tile_count = tile_columns * -(-height // TILE)
     empty = np.empty(0, np.float32)
@@ -132,7 +151,7 @@ def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs
         tile_columns=tile_columns,
         tile_count=tile_count,
         workers=workers,
-        past_caches=scene.records.nbytes > CACHES,
+        past_caches=4 * padded * LENGTH > CACHES,
         coefficients=0,
         coefficients_stored=scene.coefficients,
         means=scene.means,
@@ -140,11 +159,12 @@ def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs
         log2_opacities=scene.log2_opacities,
         base_colors=scene.base_colors,
         sh_rest=scene.sh_rest,
-        records=scene.records,
-        depth_keys=scene.depth_keys,
-        tiles=scene.tiles,
-        visible=scene.visible,
+        records=buffers.array("records", padded * LENGTH, np.float32),
+        depth_keys=buffers.array("depth_keys", padded, np.uint32),
+        tiles=buffers.array("tiles", padded, np.uint64),
+        visible=buffers.array("visible", blocks, np.int32)[:blocks],
         bounds=scene.bounds,
+        blocks=scene.blocks,
         pairs=buffers.array("pairs", padded + SLACK, np.uint64),
         order=buffers.array("order", padded, np.int32),
         sorted_tiles=buffers.array("sorted_tiles", padded, np.uint64),

@@ -45,13 +45,14 @@ def project(worker, frame):
     scratch = frame.scratch[worker]
     eye = frame.numbers[28:31]
     while True:
-        block = claim(frame.team, NEXT_BLOCK)
-        start = block * BLOCK
-        if start >= len(frame.log2_opacities):
+        place = claim(frame.team, NEXT_BLOCK)
+        if place >= len(frame.blocks):
             return meet(frame.team, frame.workers)
+        block = np.int64(frame.blocks[place])
         if not in_sight(block, frame.numbers, frame.bounds):
-            frame.visible[block] = 0
+            frame.visible[place] = 0
             continue
+        start = block * BLOCK
         _project_block(
             start, frame.numbers, frame.means, frame.covars, frame.log2_opacities, frame.base_colors, scratch
         )
@@ -61,8 +62,8 @@ def project(worker, frame):
                 if lanes_at_least(load(scratch, SEEN * BLOCK + first), half) != 0:
                     color_eight(start + first, frame.coefficients, frame.coefficients_stored, eye, frame.means,
                                 frame.base_colors, frame.sh_rest, scratch, col.RED * BLOCK + first)  # fmt: skip
-        frame.visible[block] = _keep_visible(
-            start, scratch, frame.past_caches, frame.records, frame.depth_keys, frame.tiles
+        frame.visible[place] = _keep_visible(
+            place * BLOCK, scratch, frame.past_caches, frame.records, frame.depth_keys, frame.tiles
         )
 
 

@@ -1,0 +1,96 @@
+"""Everything that `tsplat info` says, as one plain document: for programs, and for the report."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from tsplat.framing import bulk
+from tsplat.info.distribution import Axis, distribution
+from tsplat.info.findings import finding_of_loading, findings
+from tsplat.info.measures import Measures, measure
+from tsplat.info.on_disk import look
+from tsplat.scene import Gaussians
+
+F32 = npt.NDArray[np.float32]
+
+VERSION = 1
+"""Of the document: one more when a key goes away or means something else; keys may be added without."""
+
+
+def document(
+    scene: str,
+    path: Path,
+    gaussians: Gaussians,
+    problems: Sequence[str] = (),
+    *,
+    raw_opacity: bool = False,
+    max_splats: int | None = None,
+) -> dict[str, Any]:
+    """Return a scene in numbers, as what `json.dumps` takes: lists, texts as keys, every number finite.
+
+    Parameters
+    ----------
+    scene : str
+        What to call it.
+    path : Path
+        The file that it was loaded from.
+    gaussians : Gaussians
+        What was loaded; it may be empty.
+    problems : sequence of str
+        Texts of the warnings while loading.
+    raw_opacity, max_splats
+        With what it was loaded.
+
+    Notes
+    -----
+    docs/info.md describes the keys.
+    """
+    on_disk, box = look(path), bulk(gaussians)
+    measures = measure(gaussians, box)
+    # Levels of detail take space on disk that the splats of one level do not account for.
+    whole = len(gaussians) > 0 and max_splats is None and on_disk.scenes == 1
+    looks_wrong = [finding_of_loading(problem.removeprefix(f"{path}: ")) for problem in problems]
+    looks_wrong += findings(measures, box.radius, raw_opacity=raw_opacity)
+    return {
+        "version": VERSION,
+        "scene": scene,
+        "format": on_disk.format,
+        "files": on_disk.files,
+        "disk_bytes": on_disk.nbytes,
+        "disk_bytes_per_splat": on_disk.nbytes / len(gaussians) if whole else None,
+        "splats": len(gaussians),
+        "sh_degree": gaussians.sh_degree,
+        "antialiased": gaussians.antialiased,
+        "memory_bytes": gaussians.nbytes,
+        "box": _box(gaussians.means) if len(gaussians) else None,
+        "bulk": {
+            "center": box.center.tolist(),
+            "radius": box.radius,
+            "low": box.low.tolist(),
+            "high": box.high.tolist(),
+        },
+        "distributions": _distributions(measures) if len(gaussians) else {},
+        "warnings": [asdict(finding) for finding in looks_wrong],
+    }
+
+
+def _box(means: F32) -> dict[str, list[float]]:
+    x, y, z = means.T
+    return {"low": [float(each.min()) for each in (x, y, z)], "high": [float(each.max()) for each in (x, y, z)]}
+
+
+def _distributions(measures: Measures) -> dict[str, Any]:
+    spread: dict[str, tuple[F32 | None, Axis]] = {
+        "opacity": (measures.opacities, "unit"),
+        "longest_sigma": (measures.longest, "log"),
+        "flatness": (measures.flatness, "log"),
+        "distance": (measures.distances, "linear"),
+        "view_dependence": (measures.view_dependence, "linear"),
+    }
+    return {name: distribution(values, axis) for name, (values, axis) in spread.items() if values is not None}

@@ -1,0 +1,89 @@
+"""What a scene takes on disk: its file, and where that is JSON, the files that it names."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tsplat.io.formats import HEAD_BYTES, find_format
+from tsplat.io.sog_files import is_inside
+from tsplat.io.sog_json import JSON_BYTES
+
+SCENE_SUFFIXES = (".json", ".sog")
+"""Of files that are scenes of their own inside a streamed scene."""
+
+
+@dataclass(frozen=True, slots=True)
+class OnDisk:
+    """The files of a scene.
+
+    Attributes
+    ----------
+    format : str
+        For people, from `tsplat.io.formats`.
+    nbytes : int
+        Of all files.
+    files : int
+        How many these are.
+    scenes : int
+        How many scenes these hold: more than one where there are levels of detail.
+    """
+
+    format: str
+    nbytes: int
+    files: int
+    scenes: int
+
+
+def look(path: Path) -> OnDisk:
+    """Return what a scene that could be loaded takes on disk.
+
+    Parameters
+    ----------
+    path : Path
+        What was given to `tsplat.io.load`.
+    """
+    with path.open("rb") as file:
+        head = file.read(HEAD_BYTES)
+    known = find_format(head, path.name)
+    files = _files(path) if head.lstrip(b"\xef\xbb\xbf\t\r\n ").startswith(b"{") else [path]
+    return OnDisk(
+        format=known.name if known else "unknown",
+        nbytes=sum(file.stat().st_size for file in files),
+        files=len(files),
+        scenes=max(1, sum(file.suffix.lower() in SCENE_SUFFIXES for file in files[1:])),
+    )
+
+
+def _files(path: Path) -> list[Path]:
+    """Return a JSON file, the files that it names, and those that JSON files among these name."""
+    found = {path: None}
+    waiting = [path]
+    while waiting:
+        parent = waiting.pop()
+        named = {parent.parent / name for name in _names(parent)}
+        new = sorted(file for file in named if file not in found and file.is_file())
+        found.update(dict.fromkeys(new))
+        waiting += [file for file in new if file.suffix.lower() == ".json"]
+    return list(found)
+
+
+def _names(path: Path) -> Iterator[str]:
+    """Go through all texts in a JSON file that could be names of files beside it."""
+    waiting: list[Any] = []
+    # What is no JSON within limits is no part of a scene that could be loaded.
+    with suppress(OSError, ValueError, RecursionError):
+        if path.stat().st_size <= JSON_BYTES:
+            waiting.append(json.loads(path.read_bytes()))
+    while waiting:
+        value = waiting.pop()
+        if isinstance(value, dict):
+            waiting += value.values()
+        elif isinstance(value, list):
+            waiting += value
+        elif is_inside(value):
+            yield value

@@ -1,0 +1,1 @@
+"""Fewer, merged splats for the size on screen."""

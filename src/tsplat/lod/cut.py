@@ -1,0 +1,172 @@
+"""Which blocks to draw: a budget of splats is spent where splats are largest on screen.
+
+Source: Rusinkiewicz and Levoy 2000, *QSplat*, for splats by size on screen; Luebke and Erikson 1997, *View-dependent
+simplification of arbitrary polygonal environments*, for a queue that spends a budget.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from tsplat._jit import kernel, part
+from tsplat.camera import Camera
+from tsplat.lod.hierarchy import Hierarchy
+from tsplat.raster.frame import camera_numbers
+from tsplat.raster.prepare import BLOCK, BOUNDS
+from tsplat.raster.sight import in_sight
+from tsplat.rendering import RenderOptions
+
+F32 = npt.NDArray[np.float32]
+I32 = npt.NDArray[np.int32]
+
+import os
+POWER=int(os.environ.get('POWER','2'))
+S0=float(os.environ.get('S0','1'))
+FINE_ENOUGH = 0.0
+"""Pixels. Blocks of smaller splats are not taken apart, whatever is left of the budget."""
+
+KEPT_APART = 1.3
+"""How much more a block counts that was taken apart in the last frame: nothing flickers between two levels."""
+
+
+LOW_WORD = np.uint64(0xFFFFFFFF)
+
+
+class Cut:
+    """Chooses blocks for one viewer, frame after frame.
+
+    Parameters
+    ----------
+    tree : Hierarchy
+        What is looked at.
+    """
+
+    def __init__(self, tree: Hierarchy) -> None:
+        blocks = int(tree.firsts[-1])
+        self._tree = tree
+        self._apart = np.zeros(blocks, np.uint8)
+        self._queue = np.empty(blocks + 2, np.uint64)
+        self._chosen = np.empty(blocks, np.int32)
+
+    def blocks(self, camera: Camera, options: RenderOptions, budget: int) -> I32:
+        """Return the blocks to draw, in order.
+
+        Parameters
+        ----------
+        camera : Camera
+            From where, and how large.
+        options : RenderOptions
+            How.
+        budget : int
+            At most so many splats, though never less than one block.
+        """
+        tree = self._tree
+        most = max(1, budget // BLOCK)
+        focal = math.sqrt(float(camera.K[0, 0] * camera.K[1, 1]))
+        numbers = camera_numbers(camera, options)
+        job = _Job(tree.firsts, tree.scene.bounds, tree.sizes, tree.errors, numbers, focal, most, self._apart, self._queue)
+        return np.sort(self._chosen[: _choose(job, self._chosen)])
+
+
+class _Job(NamedTuple):
+    """What `_choose` works on; ``apart`` marks the blocks that were taken apart the last time they were in sight."""
+
+    firsts: npt.NDArray[np.int64]
+    bounds: F32
+    sizes: F32
+    errors: F32
+    numbers: F32
+    focal: float
+    most: int
+    apart: npt.NDArray[np.uint8]
+    queue: npt.NDArray[np.uint64]
+
+
+@kernel
+def _choose(job, chosen):
+    """Fill ``chosen`` and return how many blocks it is; the largest on screen are taken apart first."""
+    count, waiting = 0, 0
+    root = job.firsts[-1] - 1
+    if in_sight(root, job.numbers, job.bounds):
+        waiting = _push(job.queue, waiting, _key(root, job))
+    while waiting > 0:
+        key = job.queue[0]
+        waiting = _drop_first(job.queue, waiting)
+        block = np.int64(key & LOW_WORD)
+        child, last = _children(block, job.firsts)
+        seen = 0
+        for other in range(child, last):
+            seen += np.int64(in_sight(other, job.numbers, job.bounds))
+        fine = np.uint32(key >> np.uint64(32)).view(np.float32) < np.float32(FINE_ENOUGH)
+        if child == last or fine or (seen > 1 and count + waiting + seen > job.most):
+            chosen[count], job.apart[block] = block, 0
+            count += 1
+            continue
+        job.apart[block] = 1
+        for other in range(child, last):
+            if in_sight(other, job.numbers, job.bounds):
+                waiting = _push(job.queue, waiting, _key(other, job))
+    return count
+
+
+@part
+def _key(block, job):
+    """Return how large the splats of a block are on screen, in pixels, as the high bits of a number, and the block.
+
+    Sizes are not negative, so their bits are in the same order as they are.
+    """
+    at = block * BOUNDS
+    squared = np.float32(0.0)
+    for axis in range(3):
+        squared += (job.bounds[at + axis] - job.numbers[28 + axis]) ** 2
+    distance = max(math.sqrt(squared) - job.bounds[at + 3], job.numbers[22])
+    scale = np.float32(job.focal) / distance
+    size = scale * job.sizes[block]
+    seen = job.errors[block] * scale * scale * min(np.float32(1.0), (size/np.float32(S0)) ** POWER)
+    if job.apart[block]:
+        seen *= np.float32(KEPT_APART)
+    return np.uint64(np.float32(seen).view(np.uint32)) << np.uint64(32) | np.uint64(block)
+
+
+@part
+def _children(block, firsts):
+    """Return the first block that this one stands for, and the one after the last; the same for the finest."""
+    level = 0
+    while block >= firsts[level + 1]:
+        level += 1
+    if level == 0:
+        return block, block
+    child = firsts[level - 1] + 2 * (block - firsts[level])
+    return child, min(child + 2, firsts[level])
+
+
+@part
+def _push(queue, waiting, key):
+    """Add a key to a heap with the largest first; return how many wait then."""
+    at = waiting
+    while at > 0 and queue[(at - 1) >> 1] < key:
+        queue[at] = queue[(at - 1) >> 1]
+        at = (at - 1) >> 1
+    queue[at] = key
+    return waiting + 1
+
+
+@part
+def _drop_first(queue, waiting):
+    """Take the largest key out of a heap; return how many are left."""
+    left = waiting - 1
+    key, at = queue[left], 0
+    while 2 * at + 1 < left:
+        child = 2 * at + 1
+        if child + 1 < left and queue[child + 1] > queue[child]:
+            child += 1
+        if queue[child] <= key:
+            break
+        queue[at] = queue[child]
+        at = child
+    queue[at] = key
+    return left

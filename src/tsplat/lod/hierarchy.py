@@ -1,0 +1,176 @@
+"""All levels of detail of a scene, ready to be drawn, as a tree of blocks: each stands for two of the level below."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import numpy.typing as npt
+
+from tsplat._jit import kernel, part
+from tsplat._threads import FIRST_FREE, claim, new_team
+from tsplat.lod.kd import kd_order
+from tsplat.lod.levels import Level, coarser, finest
+from tsplat.lod.merge import area
+from tsplat.raster.prepare import BLOCK, BOUNDS, Prepared, Target, empty, pack_block
+from tsplat.raster.workers import on_threads
+from tsplat.scene import Gaussians
+
+F32 = npt.NDArray[np.float32]
+I64 = npt.NDArray[np.int64]
+
+ORDER_SHARE = 0.15
+"""Of the time that building takes, what passes before the first level is there."""
+
+
+@dataclass(eq=False, slots=True)
+class Hierarchy:
+    """A tree of blocks of splats; block j of a level stands for blocks 2 j and 2 j + 1 of the one before.
+
+    Attributes
+    ----------
+    scene : Prepared
+        The blocks of all levels, the finest level first. The bounds of a block hold those it stands for, too.
+    firsts : ndarray of int64, [levels + 1]
+        The first block of each level, and how many there are.
+    sizes : ndarray of float32, [blocks]
+        Typical size of a block's splats: the root of the area of one, in world units.
+    errors : ndarray of float32, [blocks]
+        What a picture loses by a block in place of those it stands for: squared opacity times square world units.
+    """
+
+    scene: Prepared
+    firsts: I64
+    sizes: F32
+    errors: F32
+
+
+_hierarchies: WeakKeyDictionary[Gaussians, Hierarchy] = WeakKeyDictionary()
+_lock = threading.Lock()
+
+
+def hierarchy(gaussians: Gaussians, threads: int, progress: Callable[[float], None] | None = None) -> Hierarchy:
+    """Return the hierarchy of a scene; it is built once and goes with the scene.
+
+    Parameters
+    ----------
+    gaussians : Gaussians
+        Any scene with at least one splat.
+    threads : int
+        How many build it.
+    progress : callable, optional
+        Called with the fraction done.
+    """
+    with _lock:
+        found = _hierarchies.get(gaussians)
+        if found is None:
+            found = _hierarchies[gaussians] = build(gaussians, threads, progress or (lambda _: None))
+        return found
+
+
+def build(gaussians: Gaussians, threads: int, progress: Callable[[float], None]) -> Hierarchy:
+    """Build the hierarchy of a scene, see `hierarchy`."""
+    firsts = level_firsts(len(gaussians))
+    blocks = int(firsts[-1])
+    tree = Hierarchy(empty(blocks, gaussians.sh.shape[1] - 1), firsts, *np.empty((2, blocks), np.float32))
+    boxes = np.empty((blocks, 6), np.float32)
+    level = finest(gaussians, kd_order(gaussians.means, threads), threads)
+    for number, first in enumerate(firsts[:-1]):
+        team = new_team(1)
+        children = firsts[number - 1] if number else -1
+        job = _PackJob(team, level, int(first), int(children), tree.scene.target(), tree.sizes, tree.errors, boxes)
+        on_threads(threads, team, _pack, job)
+        # Half of what is left to merge is merged on each level.
+        progress(1.0 - (1.0 - ORDER_SHARE) * 0.5**number)
+        if number < len(firsts) - 2:
+            level = coarser(level, threads)
+    progress(1.0)
+    return tree
+
+
+def level_firsts(splats: int) -> I64:
+    """Return the first block of each level of a scene with so many splats, and how many blocks there are."""
+    counts = [-(-splats // BLOCK)]
+    while counts[-1] > 1:
+        counts.append(-(-counts[-1] // 2))
+    return np.cumsum([0, *counts])
+
+
+class _PackJob(NamedTuple):
+    """``first`` and ``children`` are the first block of this level and of the one before, which is -1 for none."""
+
+    team: I64
+    level: Level
+    first: int
+    children: int
+    target: Target
+    sizes: F32
+    errors: F32
+    boxes: F32
+
+
+@kernel
+def _pack(worker, job):
+    level, target = job.level, job.target
+    n, padded = len(level.means), len(target.log2_opacities)
+    eight = np.empty(8, np.float32)
+    while True:
+        number = claim(job.team, FIRST_FREE)
+        start = number * BLOCK
+        if start >= n:
+            return
+        end, block = min(start + BLOCK, n), job.first + number
+        widest = np.float32(0.0)
+        for i in range(start, end):
+            for entry in range(6):
+                target.covars[entry * padded + block * BLOCK + i - start] = level.covars[i, entry]
+            # The sum of all variances is more than that along any axis.
+            widest = max(widest, level.covars[i, 0] + level.covars[i, 3] + level.covars[i, 5])
+        pack_block(block, level.means, level.opacities, level.sh, start, end, math.sqrt(widest), eight, target)
+        job.errors[block] = level.errors[number]
+        job.sizes[block] = _typical_size(level, start, end)
+        _fill_box(level.means, start, end, job.boxes[block])
+        if job.children >= 0:
+            child = job.children + 2 * number
+            last = min(child + 2, job.first)
+            _widen(child, last, job.boxes, block, target.bounds)
+
+
+@part
+def _typical_size(level, start, end):
+    whole, weighted = np.float32(0.0), np.float32(0.0)
+    for i in range(start, end):
+        size = area(level.covars, i)
+        whole += level.opacities[i] * size
+        weighted += level.opacities[i] * size * size
+    return math.sqrt(weighted / max(whole, np.float32(1e-30)))
+
+
+@part
+def _fill_box(means, start, end, box):
+    for axis in range(3):
+        box[axis] = box[3 + axis] = means[start, axis]
+        for i in range(start + 1, end):
+            box[axis], box[3 + axis] = min(box[axis], means[i, axis]), max(box[3 + axis], means[i, axis])
+
+
+@part
+def _widen(child, last, boxes, block, bounds):
+    """Make the box and the bounds of a block hold those of its children; merged centres lie between theirs."""
+    distance2, at = np.float32(0.0), block * BOUNDS
+    for axis in range(3):
+        low, high = boxes[child, axis], boxes[child, 3 + axis]
+        for other in range(child + 1, last):
+            low, high = min(low, boxes[other, axis]), max(high, boxes[other, 3 + axis])
+        boxes[block, axis], boxes[block, 3 + axis] = low, high
+        half = np.float32(0.5) * (high - low)
+        bounds[at + axis] = low + half
+        distance2 += half * half
+    bounds[at + 3] = math.sqrt(distance2)
+    for other in range(child, last):
+        bounds[at + 4] = max(bounds[at + 4], bounds[other * BOUNDS + 4])
