@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gzip
+import json
 import os
 import re
 import subprocess
@@ -220,6 +222,19 @@ def test_a_truncated_file_is_one_line_without_a_traceback(scene: Path, tmp_path:
     assert done.stderr.count(b"\n") == 1
 
 
+def test_a_scene_may_come_through_a_pipe(scene: Path, tmp_path: Path) -> None:
+    out = tmp_path / "x.png"
+    done = process("render", "-", "-o", out, "--width", 40, "--height", 30, input=scene.read_bytes())
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert b"of 300 splats" in done.stdout
+    done = process("info", "-", "--json", input=gzip.compress(scene.read_bytes()))
+    assert json.loads(done.stdout)["splats"] == 300
+    done = process("-", input=scene.read_bytes()[:-10])
+    assert done.returncode == 2
+    assert done.stderr.startswith(b"tsplat: standard input: at byte ")
+    assert done.stderr.count(b"\n") == 1
+
+
 def test_a_pipe_gets_one_picture_as_text(scene: Path) -> None:
     done = process(scene)
     assert done.returncode == 0, done.stderr
@@ -272,7 +287,7 @@ def test_help_is_quick_because_it_imports_nothing_heavy() -> None:
     code = "import sys; from tsplat import cli; cli.main(['--help']); print([m for m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=120, check=True)
     modules = done.stdout.decode().splitlines()[-1]
-    for heavy in ("'numba'", "'PIL'", "'blessed'", "'tsplat.viewer'", "'tsplat.raster'"):
+    for heavy in ("'numba'", "'PIL'", "'blessed'", "'asyncio'", "'fsspec'", "'tsplat.viewer'", "'tsplat.raster'"):
         assert heavy not in modules
 
 

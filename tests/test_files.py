@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import threading
 from pathlib import Path
 
 import pytest
 
 from tsplat.errors import SaveError, TerminalError
-from tsplat.files import replacing
+from tsplat.files import replacing, tidy_end
 
 
 def test_the_file_is_there_only_when_all_went_well(tmp_path: Path) -> None:
@@ -48,3 +51,46 @@ def test_a_place_that_takes_no_file_is_known_before_anything_is_done(tmp_path: P
     with pytest.raises(SaveError, match="cannot be written"), replacing(tmp_path / name):
         reached = True
     assert not reached
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_that_ends_the_process_leaves_no_half_file(tmp_path: Path, number: signal.Signals) -> None:
+    def write_half() -> None:
+        with tidy_end(), replacing(tmp_path / "x") as file:
+            file.write(b"half")
+            os.kill(os.getpid(), number)
+
+    before = signal.signal(number, signal.SIG_DFL)
+    try:
+        with pytest.raises(SystemExit) as caught:
+            write_half()
+        assert signal.getsignal(number) is signal.SIG_DFL
+    finally:
+        signal.signal(number, before)
+    assert caught.value.code == 128 + number
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_signal_that_somebody_ignores_or_heeds_stays_theirs() -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup does
+    try:
+        with tidy_end():
+            assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+def test_signals_are_left_alone_on_other_threads() -> None:
+    failed: list[BaseException] = []
+
+    def end() -> None:
+        try:
+            with tidy_end():
+                pass
+        except ValueError as error:
+            failed.append(error)
+
+    thread = threading.Thread(target=end)
+    thread.start()
+    thread.join()
+    assert not failed

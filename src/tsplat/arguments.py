@@ -23,11 +23,18 @@ AXES = {
 COLORS = {"black": (0.0, 0.0, 0.0), "white": (1.0, 1.0, 1.0), "grey": (0.5, 0.5, 0.5)}
 
 
-def scene_path(scene: str) -> Path:
-    """Return where the scene is that a person named."""
+def scene_source(scene: str) -> str | Path:
+    """Return what to load for the scene that a person named: a URL would not survive being a `Path`."""
     from tsplat.io import demo_path
 
-    return demo_path() if scene == DEMO else Path(scene)
+    return demo_path() if scene == DEMO else scene
+
+
+def scene_name(scene: str) -> str:
+    """Return the scene's name without folders and suffix, fit to be part of a file's name."""
+    from tsplat.io.sources import file_name
+
+    return Path(file_name(scene)).stem
 
 
 class Numbers(click.ParamType):  # type: ignore[type-arg]

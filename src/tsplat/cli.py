@@ -10,13 +10,12 @@ import os
 import sys
 import warnings
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import rich_click as click
 
 from tsplat import __version__
-from tsplat.arguments import DEMO, POINT, Triples, ViewByDefault
+from tsplat.arguments import DEMO, POINT, Triples, ViewByDefault, scene_name
 from tsplat.bench.command import bench
 from tsplat.convert.command import convert
 from tsplat.doctor.command import doctor
@@ -69,8 +68,9 @@ def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
 def command() -> None:
     """Show 3D Gaussian splat scenes in this terminal, on the CPU.
 
-    `tsplat` opens the demo, `tsplat SCENE` opens a scene: fly through it, press ? for the keys. Into a
-    pipe it prints one picture as text. `tsplat view --help` lists the viewer's options.
+    `tsplat` opens the demo, `tsplat SCENE` opens a scene, which is a file, a URL, or - for standard input: fly
+    through it, press ? for the keys. Into a pipe it prints one picture as text. `tsplat view --help` lists the
+    viewer's options.
     """
 
 
@@ -106,7 +106,7 @@ def view(scene: str, output: str | None, up: Vector | None, fov_y: float, latenc
     from tsplat import viewer
 
     return viewer.view(
-        gaussians, chosen, name=Path(scene).stem, output=output, up=up, fov_y=fov_y,
+        gaussians, chosen, name=scene_name(scene), output=output, up=up, fov_y=fov_y,
         raw_opacity=how["raw_opacity"], latency=1e-3 * latency, dither=dither,
     )  # fmt: skip
 

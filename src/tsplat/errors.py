@@ -14,7 +14,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
+
+_NAMES: dict[str, str] = {}
+"""What to call temporary files and folders, whose names mean nothing to a person."""
+
+
+@contextmanager
+def calling(names: Mapping[str, str]) -> Iterator[None]:
+    """Let errors and warnings about these places, made meanwhile, call them by these names.
+
+    Parameters
+    ----------
+    names : mapping of str to str
+        From beginnings of paths, the longest first, that no one else uses.
+    """
+    _NAMES.update(names)
+    try:
+        yield
+    finally:
+        for place in names:
+            del _NAMES[place]
+
+
+def _called(text: str) -> str:
+    for place, name in tuple(_NAMES.items()):
+        text = text.replace(place, name)
+    return text
 
 
 def printable(name: str) -> str:
@@ -24,6 +52,9 @@ def printable(name: str) -> str:
 
 class LoadWarning(UserWarning):
     """Something in a file was dropped or mended while loading it; the text says what and how many."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(_called(text))
 
 
 class TsplatError(Exception):
@@ -36,7 +67,7 @@ class LoadError(TsplatError, ValueError):
     Parameters
     ----------
     path : str or Path
-        The file.
+        The file; a URL stays a str.
     problem : str
         What is wrong with which field, what was expected, and what to do about it.
     offset : int, optional
@@ -44,10 +75,12 @@ class LoadError(TsplatError, ValueError):
     """
 
     def __init__(self, path: str | Path, problem: str, offset: int | None = None) -> None:
-        name = printable(str(path))
+        called = _called(str(path))
+        name = printable(called)
         where = name if offset is None else f"{name}: at byte {offset}"
         super().__init__(f"{where}: {problem}")
-        self.path, self.problem, self.offset = Path(path), problem, offset
+        self.path = called if "://" in called else Path(called)
+        self.problem, self.offset = problem, offset
 
     def __reduce__(self) -> tuple[type[LoadError], tuple[str | Path, str, int | None]]:
         return type(self), (self.path, self.problem, self.offset)

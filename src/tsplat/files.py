@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import errno
 import os
+import signal
+import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -36,3 +39,22 @@ def replacing(path: Path) -> Iterator[BinaryIO]:
         raise  # what went wrong was not the writing
     except OSError as error:
         raise SaveError(f"{path}: cannot be written: {error.strerror or error}; choose another folder") from error
+
+
+@contextmanager
+def tidy_end() -> Iterator[None]:
+    """Let SIGTERM and SIGHUP end this process as an error does, so that no unfinished or temporary file stays."""
+
+    def leave(number: int, _: object) -> None:
+        sys.exit(128 + number)
+
+    numbers = signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)
+    heard = threading.current_thread() is threading.main_thread()
+    deadly = [number for number in numbers if heard and signal.getsignal(number) is signal.SIG_DFL]
+    for number in deadly:
+        signal.signal(number, leave)
+    try:
+        yield
+    finally:
+        for number in deadly:
+            signal.signal(number, signal.SIG_DFL)

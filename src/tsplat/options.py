@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import rich_click as click
 
-from tsplat.arguments import BACKGROUND, LEVEL, UP, scene_path
+from tsplat.arguments import BACKGROUND, LEVEL, UP, scene_source
+from tsplat.files import tidy_end
 from tsplat.progress import loading
 from tsplat.rendering import ANTIALIAS, TRAIN_FOCAL_GUESS, Antialias, RenderOptions, own_antialias
 from tsplat.warmup import WarmUp
@@ -66,10 +69,24 @@ def reading(options: dict[str, Any]) -> dict[str, Any]:
 
 def load_scene(scene: str, how: dict[str, Any], warm_up: WarmUp | None = None) -> Gaussians:
     """Return the scene a person named, with a bar on stderr when that takes long; see `reading`."""
-    from tsplat.io import load
+    with loaded_scene(scene, how, warm_up) as (gaussians, _):
+        return gaussians
 
-    with loading(scene, warm_up) as progress:
-        return load(scene_path(scene), **how, progress=progress)
+
+@contextmanager
+def loaded_scene(
+    scene: str, how: dict[str, Any], warm_up: WarmUp | None = None
+) -> Iterator[tuple[Gaussians, Path]]:
+    """Give the scene a person named, and while it lasts the file that it is read from; see `load_scene`."""
+    from tsplat.io import load
+    from tsplat.io.sources import file_name, local_file
+
+    with (
+        tidy_end(),
+        loading(file_name(scene), warm_up) as bar,
+        local_file(scene_source(scene), how["lod"], bar, bar.fetched) as (path, progress),
+    ):
+        yield load(path, **how, progress=progress), path
 
 
 def render_options(
@@ -84,5 +101,5 @@ def render_options(
         from tsplat.io import train_focal_beside
 
         wanted = options["antialias"] == "relative"
-        options["train_focal"] = (wanted and train_focal_beside(scene_path(scene))) or TRAIN_FOCAL_GUESS
+        options["train_focal"] = (wanted and train_focal_beside(scene_source(scene))) or TRAIN_FOCAL_GUESS
     return RenderOptions(depths=False, **options)

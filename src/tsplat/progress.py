@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
+from typing import TYPE_CHECKING
 
+from tsplat.traffic import Traffic
 from tsplat.warmup import WarmUp
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
 
 BAR_AFTER = 1.0
 """Seconds of loading or drawing before a progress bar appears."""
@@ -25,35 +29,92 @@ ERASE_LINE = "\r\x1b[K"
 
 
 @contextmanager
-def loading(
-    name: str, warm_up: WarmUp | None = None, *, doing: str = "loading"
-) -> Iterator[Callable[[float], None]]:
-    """Give a callback that shows a bar on a terminal, and starts ``warm_up``, when loading takes long enough.
+def loading(name: str, warm_up: WarmUp | None = None, *, doing: str = "loading") -> Iterator[Bar]:
+    """Give what shows a bar on a terminal, and starts ``warm_up``, when loading takes long enough.
 
     ``doing`` says what else than loading takes long.
     """
-    start, bar, terminal = time.perf_counter(), None, sys.stderr.isatty()
-
-    def show(fraction: float) -> None:
-        nonlocal bar
-        seconds = time.perf_counter() - start
-        if warm_up and seconds > WARM_UP_AFTER:
-            warm_up.start()
-        if terminal and bar is None and seconds > BAR_AFTER:
-            from rich.console import Console
-            from rich.progress import Progress
-
-            bar = Progress(console=Console(stderr=True), transient=True)
-            bar.add_task(f"{doing} {Path(name).name}", total=1.0)
-            bar.start()
-        if bar is not None:
-            bar.update(bar.task_ids[0], completed=fraction)
-
+    bar = Bar(name, warm_up, doing)
     try:
-        yield show
+        yield bar
     finally:
-        if bar is not None:
-            bar.stop()
+        bar.end()
+
+
+class Bar:
+    """A line on stderr that says how far something is, and what comes over the network for it.
+
+    Parameters
+    ----------
+    name : str
+        What it is about.
+    warm_up : WarmUp, optional
+        Started after a while.
+    doing : str
+        What is done to it.
+    """
+
+    def __init__(self, name: str, warm_up: WarmUp | None, doing: str) -> None:
+        self._name, self._warm_up, self._doing = name, warm_up, doing
+        self._start, self._terminal = time.perf_counter(), sys.stderr.isatty()
+        self._fraction: float | None = 0.0
+        self._traffic: Traffic | None = None
+        self._heard_bytes = False
+        self._shown: Progress | None = None
+
+    def __call__(self, fraction: float) -> None:
+        """Show the fraction done."""
+        if not self._heard_bytes:
+            self._traffic = None  # none came since the last fraction, so they are read now
+        self._fraction, self._heard_bytes = fraction, False
+        self._show()
+
+    def fetched(self, done: int, size: int | None) -> None:
+        """Show how many bytes have come, and how fast they come."""
+        if self._traffic is None:
+            self._traffic = Traffic()
+        self._traffic.add(done, size)
+        self._heard_bytes = True
+        self._fraction = self._fraction or None  # until the first fraction nobody knows
+        self._show()
+
+    def end(self) -> None:
+        """Take the line away."""
+        if self._shown:
+            self._shown.stop()
+
+    def _show(self) -> None:
+        seconds = time.perf_counter() - self._start
+        if self._warm_up and seconds > WARM_UP_AFTER:
+            self._warm_up.start()
+        if not self._terminal or seconds < BAR_AFTER:
+            return
+        self._shown = self._shown or _on_screen()
+        self._shown.tasks[0].total = None if self._fraction is None else 1.0
+        self._shown.update(
+            self._shown.task_ids[0],
+            description=f"{'fetching' if self._traffic else self._doing} {self._name}",
+            completed=self._fraction or 0.0,
+            traffic=self._traffic or "",
+        )
+
+
+def _on_screen() -> Progress:
+    """Return a bar that is drawn from now on; what it says of the traffic is as of when it is drawn."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        TaskProgressColumn(),
+        TextColumn("{task.fields[traffic]}", markup=False),
+        TimeRemainingColumn(),
+    )
+    bar = Progress(*columns, console=Console(stderr=True), transient=True)
+    bar.add_task("", total=1.0, traffic="")
+    bar.start()
+    return bar
 
 
 def wait_for_kernels(warm_up: WarmUp) -> None:

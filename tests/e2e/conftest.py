@@ -10,16 +10,15 @@ import pytest
 
 from tests.e2e.terminals import RECIPES, NotInstallableError
 from tests.e2e.visit import Case, Visit
-from tsplat.arguments import DEMO, scene_path
-from tsplat.io import load
+from tsplat.io import demo_path, load
 from tsplat.scene import Gaussians
 
 
 @pytest.fixture(scope="session")
 def demo() -> tuple[Path, Gaussians]:
     """The scene that everybody has."""
-    path = scene_path(DEMO)
-    return Path(path), load(path)
+    path = demo_path()
+    return path, load(path)
 
 
 @pytest.fixture

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import os
 import re
@@ -62,6 +63,20 @@ def test_as_json_the_same_warnings_come_with_their_numbers(broken: Path) -> None
     assert (found["version"], found["scene"], found["splats"]) == (1, str(broken), 39)
     warnings = [(warning["kind"], warning["count"], warning["share"]) for warning in found["warnings"]]
     assert warnings == [("loading", 1, 1 / 40), ("flat", 1, 1 / 39)]
+
+
+def test_a_packed_scene_is_reported_as_what_it_unpacks_to(
+    broken: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    packed = broken.with_name("broken.ply.gz")
+    packed.write_bytes(gzip.compress(broken.read_bytes()))
+    found = []
+    for path in (broken, packed):
+        assert cli.main(["info", str(path), "--json"]) == 0
+        found.append(json.loads(capsys.readouterr().out))
+    assert found[1].pop("scene") == str(packed)
+    assert found[0].pop("scene") == str(broken)
+    assert found[0] == found[1]
 
 
 def test_options_of_loading_are_heard(broken: Path, capsys: pytest.CaptureFixture[str]) -> None:

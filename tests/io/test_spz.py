@@ -120,12 +120,18 @@ def test_the_first_bytes_decide_before_the_suffix(tmp_path: Path) -> None:
     assert not spz.matches(b"\x1f\x8b with no gzip behind it")
 
 
-def test_gzip_of_which_the_first_bytes_unpack_to_nothing_is_taken_for_spz(tmp_path: Path) -> None:
-    raw = zipped(bare(some_splats(3, 3, 200), 3, 3))
-    assert zlib.decompressobj(31).decompress(raw[:HEAD_BYTES]) == b""
-    path = tmp_path / "scene.ply"
-    path.write_bytes(raw)
-    assert len(io.load(path)) == 200
+@pytest.mark.parametrize("level", range(1, 10))
+def test_the_first_bytes_are_always_enough_to_tell_an_spz_from_other_gzip(level: int) -> None:
+    rng = np.random.default_rng(level)
+    noise = rng.integers(0, 256, 1 << 16).astype(np.uint8).tobytes()
+    skewed = np.minimum(rng.geometric(0.03, 1 << 16), 255).astype(np.uint8).tobytes()  # long tables of codes
+    for rest in (noise, skewed, bytes(1 << 16)):
+        packed = zlib.compressobj(level, wbits=31)
+        raw = packed.compress(b"NGSP" + rest) + packed.flush()
+        assert spz.matches(raw[:HEAD_BYTES])
+        packed = zlib.compressobj(level, wbits=31)
+        raw = packed.compress(b"NGSQ" + rest) + packed.flush()
+        assert not spz.matches(raw[:HEAD_BYTES])
 
 
 def test_a_limit_keeps_the_weightiest_and_progress_grows_to_one(tmp_path: Path) -> None:
@@ -177,7 +183,7 @@ def test_a_file_cut_anywhere_is_refused(tmp_path: Path, version: int) -> None:
 @pytest.mark.parametrize("version", GZIP_VERSIONS)
 def test_packed_bytes_that_end_early_are_refused(tmp_path: Path, version: int) -> None:
     raw = bare(some_splats(version, 1), version, 1)
-    for length in range(len(raw)):
+    for length in range(len(b"NGSP"), len(raw)):  # a shorter one is no SPZ
         with pytest.raises(CorruptFileError, match=r"ends .*; fetch it again"):
             load_bytes(tmp_path, zipped(raw[:length]))
 

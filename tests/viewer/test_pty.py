@@ -29,16 +29,16 @@ COLUMNS, ROWS = 80, 24
 class Terminal:
     """A terminal emulator with the viewer in it, answering only what an old terminal answers."""
 
-    def __init__(self, scene: Path, *args: str) -> None:
+    def __init__(self, scene: Path, *args: str, piped: bool = False) -> None:
         self.screen = pyte.Screen(COLUMNS, ROWS)
         self.stream = pyte.ByteStream(self.screen)
         environment = {**os.environ, "TERM": "xterm-256color", "COLORTERM": "truecolor"}
         for name in ("TSPLAT_OUTPUT", "KITTY_WINDOW_ID", "TMUX", "COLUMNS", "LINES"):
             environment.pop(name, None)
         # A shell in between keeps the pty open, so that its modes can be read when the viewer has gone.
-        command = (
-            f"stty -a | head -c 0; '{sys.executable}' -m tsplat '{scene}' {' '.join(args)}; echo status=$?; cat"
-        )
+        named = f"'{sys.executable}' -m tsplat {' '.join(args)}"
+        viewer = f"cat '{scene}' | {named} -" if piped else f"{named} '{scene}'"
+        command = f"stty -a | head -c 0; {viewer}; echo status=$?; cat"
         self.process = ptyprocess.PtyProcess.spawn(
             ["/bin/sh", "-c", command], dimensions=(ROWS, COLUMNS), env=environment, cwd=scene.parent
         )
@@ -95,8 +95,8 @@ def terminal(tmp_path: Path) -> Iterator[Callable[..., Terminal]]:
     scene = save(tmp_path / "cloud.ply", random_gaussians(np.random.default_rng(8), 400, sh_degree=0))
     opened: list[Terminal] = []
 
-    def open_it(*args: str) -> Terminal:
-        opened.append(Terminal(scene, *args))
+    def open_it(*args: str, piped: bool = False) -> Terminal:
+        opened.append(Terminal(scene, *args, piped=piped))
         opened[-1].until(lambda: "splats " in opened[-1].text or "status=" in opened[-1].text, "first frame")
         assert "splats " in opened[-1].text, opened[-1].text
         return opened[-1]
@@ -168,6 +168,17 @@ def test_every_way_to_quit_gives_the_terminal_back(
     shown = terminal("--output", "half")
     shown.send(keys)
     whole_again(shown, status)
+
+
+def test_a_piped_scene_leaves_the_keys_to_the_terminal(terminal: Callable[..., Terminal]) -> None:
+    shown = terminal("--output", "half", piped=True)
+    start = shown.until_it_rests()
+    shown.send(b"k")
+    shown.until_changed(start, "picture from another side")
+    shown.send(b"p")
+    shown.until(lambda: "saved tsplat-stdin-001.png" in shown.text, "saved picture")
+    shown.send(b"q")
+    whole_again(shown, "status=0")
 
 
 def child_of(pid: int) -> int:

@@ -8,13 +8,12 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import rich_click as click
 
-from tsplat.arguments import DEMO, scene_path
-from tsplat.options import shared
+from tsplat.arguments import DEMO, scene_name
+from tsplat.options import load_scene, shared
 
 if TYPE_CHECKING:
     from tsplat.bench.results import Ceilings, SceneResult
@@ -89,14 +88,13 @@ def bench(scene: tuple[str, ...], sizes: Sequence[tuple[int, int]], thread_count
           frames: int, as_json: bool, **how: Any) -> None:  # fmt: skip
     """Time each stage of drawing SCENE, or the demo, from around and inside, against what this machine can do."""
     from tsplat.bench.measure import measure_all
-    from tsplat.io import load
     from tsplat.progress import wait_for_kernels
     from tsplat.rendering import available_processors
     from tsplat.warmup import WarmUp
 
     names = scene or (DEMO,)
     # All are loaded before any is timed, so that a bad file does not cost the minutes before it.
-    scenes = [(Path(name).stem, load(scene_path(name), **how)) for name in names]
+    scenes = [(scene_name(name), load_scene(name, how)) for name in names]
     counts = thread_counts or tuple(dict.fromkeys((1, available_processors())))
     wait_for_kernels(WarmUp())
     with _progress() as show:

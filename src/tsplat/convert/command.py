@@ -10,7 +10,7 @@ from typing import Any
 import rich_click as click
 
 from tsplat.arguments import InOrder, Numbers
-from tsplat.options import READING, load_scene, reading, shared
+from tsplat.options import READING, reading, shared
 
 WIDTH = 115
 """Columns of what is not written to a terminal."""
@@ -67,7 +67,7 @@ def convert(given: list[str], /, scenes: tuple[str, ...], out: str, as_json: boo
     edits = in_order(given, options)
     if how["max_splats"] and len(scenes) > 1:  # so many of each are read, and so many of all are kept
         edits.insert(0, Edit("max-splats", how["max_splats"]))
-    document = conversion.convert(scenes, Path(out), edits, lambda scene: load_scene(scene, how))
+    document = conversion.convert(scenes, Path(out), edits, how)
     if as_json:
         import json
 

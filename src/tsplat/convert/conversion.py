@@ -8,19 +8,20 @@ from typing import Any
 
 import numpy as np
 
-from tsplat.arguments import scene_path
 from tsplat.convert.edits import Edit, apply
 from tsplat.edit import join
 from tsplat.errors import OptionError
 from tsplat.io import saving
 from tsplat.io.formats import HEAD_BYTES, find_format
+from tsplat.io.sources import called
+from tsplat.options import loaded_scene
 from tsplat.progress import loading
 from tsplat.scene import Gaussians
 
 Document = dict[str, Any]
 
 
-def convert(scenes: Sequence[str], out: Path, edits: Sequence[Edit], load: Callable[[str], Gaussians]) -> Document:
+def convert(scenes: Sequence[str], out: Path, edits: Sequence[Edit], how: dict[str, Any]) -> Document:
     """Read scenes, make one of them, edit it, and write it; ``out`` may be one of those that were read.
 
     Parameters
@@ -31,8 +32,8 @@ def convert(scenes: Sequence[str], out: Path, edits: Sequence[Edit], load: Calla
         What to write, in the format that its suffix names.
     edits : sequence of Edit
         In this order.
-    load : callable
-        Reads a scene.
+    how : dict
+        How to read; see `tsplat.options.reading`.
 
     Returns
     -------
@@ -49,11 +50,14 @@ def convert(scenes: Sequence[str], out: Path, edits: Sequence[Edit], load: Calla
         No splat is left to be written.
     """
     with saving(out) as write:
-        loaded = [load(scene) for scene in scenes]
-        inputs = [_input(name, scene_path(name), scene) for name, scene in zip(scenes, loaded, strict=True)]
+        inputs, loaded = [], []
+        for name in scenes:
+            with loaded_scene(name, how) as (scene, path):
+                inputs.append(_input(called(name), path, scene))
+                loaded.append(scene)
         gaussians = join(loaded)
         if not len(gaussians):
-            raise OptionError(f"there are no splats in {', '.join(scenes)}; nothing is written")
+            raise OptionError(f"there are no splats in {', '.join(map(called, scenes))}; nothing is written")
         steps = []
         with loading(out.name, doing="editing") as progress:
             for edit in edits:

@@ -10,9 +10,8 @@ from typing import Any
 
 import rich_click as click
 
-from tsplat.arguments import scene_path
 from tsplat.errors import LoadWarning
-from tsplat.options import READING, load_scene, reading, shared
+from tsplat.options import READING, loaded_scene, reading, shared
 
 
 @click.command("info")
@@ -22,12 +21,13 @@ from tsplat.options import READING, load_scene, reading, shared
 def info(scene: str, as_json: bool, **options: Any) -> None:
     """Print what SCENE, or `demo`, holds, how its values are spread, and what looks wrong in it."""
     from tsplat.info.document import document
+    from tsplat.io.sources import called
 
-    how = reading(options)
-    with _load_warnings() as problems:
-        gaussians = load_scene(scene, how)
-    chosen = {name: how[name] for name in ("raw_opacity", "max_splats")}
-    found = document(scene, scene_path(scene), gaussians, problems, **chosen)
+    name, how = called(scene), reading(options)
+    with _load_warnings() as warned, loaded_scene(scene, how) as (gaussians, path):
+        problems = [text.removeprefix(f"{name}: ") for text in warned]
+        chosen = {each: how[each] for each in ("raw_opacity", "max_splats")}
+        found = document(name, path, gaussians, problems, **chosen)
     if as_json:
         import json
 
@@ -46,11 +46,15 @@ def info(scene: str, as_json: bool, **options: Any) -> None:
 def _load_warnings() -> Iterator[list[str]]:
     """Give a list that gets the texts of what readers warn of; other warnings are shown as ever."""
     texts: list[str] = []
-    with warnings.catch_warnings(record=True) as caught:
+    with warnings.catch_warnings():
+        show = warnings.showwarning
+
+        def hear(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
+            if issubclass(category, LoadWarning):
+                texts.append(str(message))
+            else:
+                show(message, category, *where, **more)
+
         warnings.simplefilter("always", LoadWarning)
+        warnings.showwarning = hear
         yield texts
-    for each in caught:
-        if issubclass(each.category, LoadWarning):
-            texts.append(str(each.message))
-        else:
-            warnings.showwarning(each.message, each.category, each.filename, each.lineno)

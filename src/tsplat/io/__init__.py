@@ -15,6 +15,7 @@ from tsplat.files import replacing
 from tsplat.io.cameras import TrainingCamera, load_cameras, train_focal_beside
 from tsplat.io.formats import FORMATS, HEAD_BYTES, find_format
 from tsplat.io.options import LoadOptions, SpzFrame
+from tsplat.io.sources import local_file
 from tsplat.scene import Gaussians
 
 __all__ = ["TrainingCamera", "demo_path", "load", "load_cameras", "save", "saving", "train_focal_beside"]
@@ -28,6 +29,7 @@ def load(
     spz_frame: SpzFrame = "rub",
     lod: int | None = 0,
     progress: Callable[[float], None] | None = None,
+    fetched: Callable[[int, int | None], None] | None = None,
 ) -> Gaussians:
     """Read a scene.
 
@@ -35,7 +37,9 @@ def load(
     ----------
     path : str or Path
         A splat PLY (little-endian, big-endian, ASCII, or PlayCanvas' compressed PLY), .splat, .ksplat, SPZ, or SOG
-        (zipped, or a meta.json or lod-meta.json with its planes beside it); SH degree 0 to 4.
+        (zipped, or a meta.json or lod-meta.json with its planes beside it); SH degree 0 to 4. Any of them
+        may be packed with gzip. A str may also be ``-``, standard input, or an http, https or s3 URL, for which
+        ``pip install "tsplat[remote]"``.
     max_splats : int, optional
         Keep at most this many, those with the largest opacity times area; by default all.
     raw_opacity : bool
@@ -46,6 +50,9 @@ def load(
         Which level of detail of a streamed scene, 0 the finest; None for all of them, one over the other.
     progress : callable, optional
         Called with the fraction done, growing from 0 to 1.
+    fetched : callable, optional
+        Called with the number of bytes that have come from standard input or a URL, and that of all, or None where
+        it is not known.
 
     Returns
     -------
@@ -65,19 +72,14 @@ def load(
         Splats were left out or mended; the text says how many.
     """
     options = LoadOptions(max_splats, raw_opacity, spz_frame, lod)
-    path = Path(path)
-    try:
-        known = find_format(_head(path), path.name)
+    with local_file(path, lod, progress or (lambda _: None), fetched or (lambda *_: None)) as (local, reading):
+        known = find_format(_head(local), local.name)
         if known is None:
             names = ", ".join(f"{known.name} ({', '.join(known.suffixes)})" for known in FORMATS)
-            raise LoadError(path, f"is of no known format, expected {names}; convert it first", 0)
+            raise LoadError(local, f"is of no known format, expected {names}; convert it first", 0)
         if options.lod and not known.levels:
             raise OptionError(f"lod must be 0 in a scene that is not streamed, got {lod}")
-        return known.read(path, options, progress or (lambda _: None))
-    except OSError as error:
-        raise LoadError(path, f"cannot be read: {error.strerror or error}; check the path") from error
-    except MemoryError as error:
-        raise LoadError(path, "needs more memory than there is; keep fewer splats with max_splats") from error
+        return known.read(local, options, reading)
 
 
 def save(path: str | Path, gaussians: Gaussians) -> Path:

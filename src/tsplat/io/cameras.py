@@ -17,6 +17,7 @@ import numpy as np
 
 from tsplat.camera import Camera
 from tsplat.errors import CameraError, CorruptFileError, LoadError, LoadWarning
+from tsplat.io.sources import is_elsewhere
 
 FILE_NAME = "cameras.json"
 LEVELS_UP = 3
@@ -78,13 +79,15 @@ def train_focal_beside(scene_path: str | Path) -> float | None:
     Returns
     -------
     float or None
-        None where there is no such list, or an empty one.
+        None where there is no such list, or an empty one, or the scene is no file.
 
     Warns
     -----
     LoadWarning
         The list is broken: the scene can be shown all the same.
     """
+    if is_elsewhere(scene_path):
+        return None
     folder = Path(scene_path).absolute().parent
     for candidate in (folder, *folder.parents[:LEVELS_UP]):
         path = candidate / FILE_NAME

@@ -46,7 +46,7 @@ class Format:
     levels: bool = False
 
 
-HEAD_BYTES = 64
+HEAD_BYTES = 1024
 """How much of a file `Format.matches` gets to see."""
 
 FORMATS = (

@@ -42,13 +42,13 @@ from tsplat.scene import Gaussians
 def matches(head: bytes) -> bool:
     """Tell whether a file that begins with these bytes is an SPZ.
 
-    No other format read here is gzip, so a gzip file counts unless it unpacks to something else: 64 bytes are
-    often too few to unpack any.
+    The tables of a deflate block take less than half of `tsplat.io.formats.HEAD_BYTES`, so enough is there to
+    unpack the first bytes; gzip around anything else is no SPZ.
     """
     if not head.startswith(GZIP_MAGIC):
         return head.startswith(MAGIC)
     try:
-        return zlib.decompressobj(31).decompress(head, len(MAGIC)) in (MAGIC, b"")
+        return zlib.decompressobj(31).decompress(head, len(MAGIC)) == MAGIC
     except zlib.error:
         return False
 

@@ -62,7 +62,7 @@ class Frame(NamedTuple):
     Attributes
     ----------
     numbers : ndarray of float32
-        The camera's and the options', see `_numbers`.
+        The camera's and the options', see `camera_numbers`.
     blocks : ndarray of int32, [B]
         Which blocks of the scene are drawn.
     records : ndarray of float32, [B * BLOCK * 16]
@@ -122,7 +122,7 @@ def new_frame(
     shared: Frame = scene.last_frame
     return shared._replace(
         blocks=blocks,
-        numbers=_numbers(camera, options),
+        numbers=camera_numbers(camera, options),
         coefficients=scene.coefficients_used(options.sh_degree),
         image=Image(
             width,
@@ -181,7 +181,7 @@ def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs
     )
 
 
-def _numbers(camera: Camera, options: RenderOptions) -> F32:
+def camera_numbers(camera: Camera, options: RenderOptions) -> F32:
     """Return the world-to-camera matrix, its first three rows, then what `project` names, and the eye.
 
     The last six are for `in_sight`: where the image ends on the right, left, below and above, as tangents, and

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import rich_click as click
 
-from tsplat.arguments import DEMO, Triples
+from tsplat.arguments import DEMO, Triples, scene_name
 from tsplat.encode import ENCODERS, FALLBACK_CELL
 from tsplat.errors import OptionError, SaveError
 from tsplat.files import replacing
@@ -61,12 +61,12 @@ def record(out: str, scene: str, live: bool, up: Any, fov_y: float, **options: A
         gaussians = load_scene(scene, read, warm_up)
         chosen = render_options(scene, gaussians, "relative", options)
         if live:
-            view = {"name": Path(scene).stem, "output": wanted["output"], "up": up, "fov_y": fov_y}
+            view = {"name": scene_name(scene), "output": wanted["output"], "up": up, "fov_y": fov_y}
             made = _record_session(file, path, gaussians, chosen, how, raw_opacity=read["raw_opacity"], **view)
         else:
             wait_for_kernels(warm_up)
             made = _record_orbit(
-                file, path, _orbit(path, gaussians, chosen, how, up, fov_y), how, Path(scene).stem
+                file, path, _orbit(path, gaussians, chosen, how, up, fov_y), how, scene_name(scene)
             )
     print(f"{out}: {made}, {path.stat().st_size / 1e3:,.0f} kB", flush=True)
 

@@ -1,0 +1,156 @@
+"""Where scenes come from: a file is itself; standard input, a URL and what is packed become a file for a while.
+
+Readers see paths only. Errors call what lies in the temporary folder what a person called it.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory, gettempdir
+from typing import BinaryIO
+from urllib.parse import unquote
+
+from tsplat.errors import LoadError, calling
+from tsplat.io.remote import Fetched, Progress, Remote, is_url, shown_url, url_beside
+from tsplat.io.remote_errors import FULL
+from tsplat.io.sog_beside import fetch_beside, is_json
+from tsplat.io.unpack import is_packed, unpack
+
+STDIN = "-"
+"""What standard input is called where a file may be named."""
+
+GETTING = 0.75
+"""The share that getting a scene here has in all there is to do: networks are slower than readers."""
+
+NAME_CHARS = 60
+"""At most this many characters of a name are kept, the last ones: file systems take 255 bytes."""
+
+PIECE_BYTES = 1 << 20
+
+
+def is_elsewhere(source: str | Path) -> bool:
+    """Tell whether a scene comes from standard input or a URL; a `Path` is a file always."""
+    return isinstance(source, str) and (source == STDIN or is_url(source))
+
+
+def called(source: str | Path) -> str:
+    """Return what to call a scene before a person."""
+    if source == STDIN:
+        return "standard input"
+    return shown_url(source) if isinstance(source, str) and is_url(source) else str(source)
+
+
+def file_name(source: str | Path) -> str:
+    """Return a name for a file with this scene in it, unpacked; on every system it stays in its folder."""
+    name = "stdin" if source == STDIN else Path(called(source)).name
+    if is_elsewhere(source):
+        name = unquote(name)
+    if name.lower().endswith(".gz"):
+        name = name[: -len(".gz")]
+    safe = "".join(c if c.isprintable() and c not in '/\\:*?"<>|' else "_" for c in name)[-NAME_CHARS:]
+    return safe if safe.strip(". ") else "scene"
+
+
+@contextmanager
+def local_file(
+    source: str | Path, lod: int | None, progress: Progress, fetched: Fetched
+) -> Iterator[tuple[Path, Progress]]:
+    """Give the path of a scene wherever it comes from, and what hears of the progress of reading it.
+
+    Parameters
+    ----------
+    source : str or Path
+        A path; or a str, ``-`` for standard input or a URL. A JSON at a URL brings along the files that it names.
+    lod : int or None
+        Of a streamed scene only the files of this level are fetched; None for all.
+    progress : callable
+        Hears the fraction done of getting the scene and reading it.
+    fetched : callable
+        Hears of the bytes that have come from elsewhere.
+
+    Raises
+    ------
+    LoadError
+        It cannot be got or read; `CorruptFileError` where it is packed and broken.
+    """
+    name = called(source)
+    try:
+        if not is_elsewhere(source) and not is_packed(Path(source)):
+            yield Path(source), progress
+            return
+        with _temporary_file(source, name, lod, progress, fetched) as place:
+            yield place, lambda fraction: progress(GETTING + (1.0 - GETTING) * fraction)
+    except OSError as error:
+        raise LoadError(name, f"cannot be read: {error.strerror or error}; check the path") from error
+    except MemoryError as error:
+        raise LoadError(name, "needs more memory than there is; keep fewer splats with max_splats") from error
+
+
+@contextmanager
+def _temporary_file(
+    source: str | Path, name: str, lod: int | None, progress: Progress, fetched: Fetched
+) -> Iterator[Path]:
+    with TemporaryDirectory(prefix="tsplat-") as folder:
+        place = Path(folder) / file_name(source)
+        beside = name.rpartition("/")[0] if is_elsewhere(source) and source != STDIN else name
+        with calling({str(place): name, folder: beside}):
+            try:
+                _get(source, place, lod, lambda fraction: progress(GETTING * fraction), fetched)
+            except OSError as error:
+                if error.errno not in FULL:
+                    raise
+                problem = f"finds no room in {gettempdir()}: {error.strerror}; set TMPDIR to a larger folder"
+                raise LoadError(name, problem) from error
+            yield place
+
+
+def _get(source: str | Path, place: Path, lod: int | None, progress: Progress, fetched: Fetched) -> None:
+    if source == STDIN:
+        with open(0, "rb", closefd=False) as file:
+            _copy(file, place, progress, fetched)
+        _unpack_in_place(place)
+    elif isinstance(source, str) and is_url(source):
+        _fetch(source, place, lod, progress, fetched)
+    else:
+        unpack(Path(source), place, progress)
+
+
+def _copy(file: BinaryIO, place: Path, progress: Progress, fetched: Fetched) -> None:
+    if file.isatty():
+        raise LoadError(place, "is the keyboard, expected a scene; pipe one in: cat scene.ply | tsplat -")
+    size, done = os.fstat(file.fileno()).st_size, 0
+    with place.open("xb") as copy:
+        while piece := file.read(PIECE_BYTES):
+            copy.write(piece)
+            done += len(piece)
+            fetched(done, size or None)  # a pipe has no size
+            if size:
+                progress(min(1.0, done / size))
+
+
+def _fetch(url: str, place: Path, lod: int | None, progress: Progress, fetched: Fetched) -> None:
+    fetched(0, None)
+    remote = Remote(url, fetched)
+
+    def fetch(url: str, place: Path, progress: Progress) -> None:
+        remote.fetch(url, place, progress)
+        _unpack_in_place(place)
+
+    def silent(_: float) -> None:
+        pass
+
+    begins = place.suffix.lower() == ".json"  # then what it names is what takes long
+    fetch(url, place, silent if begins else progress)
+    if is_json(place):
+        fetch_beside(place, partial(url_beside, url), fetch, lod, progress if begins else silent)
+
+
+def _unpack_in_place(place: Path) -> None:
+    if is_packed(place):
+        unpacked = place.with_name(f"{place.name}.unpacked")
+        unpack(place, unpacked, lambda _: None)
+        unpacked.replace(place)

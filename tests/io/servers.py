@@ -1,0 +1,80 @@
+"""A web server on this machine that behaves as well or as badly as a test asks."""
+
+from __future__ import annotations
+
+import threading
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from types import TracebackType
+from typing import Self
+
+
+class Server:
+    """Serves ``files``; the first folder of an address says how.
+
+    ``plain``; ``endless``, without Content-Length; ``cut``, half of it; ``hanging``, half of it and then silence;
+    ``packed``, announced as gzip; ``302``, on to the address in the file; any other number, an error.
+
+    Attributes
+    ----------
+    files : dict of str to bytes
+        Contents by path, without the first folder.
+    asked : list of str
+        Paths that were asked for.
+    """
+
+    def __init__(self, files: dict[str, bytes]) -> None:
+        self.files, self.asked = files, list[str]()
+        self.silent, self._over = threading.Event(), threading.Event()
+        outer = self
+
+        class Handler(BaseHTTPRequestHandler):
+            protocol_version = "HTTP/1.1"
+
+            def do_GET(self) -> None:
+                outer.answer(self)
+
+            def log_message(self, *_: object) -> None:
+                pass
+
+        self._server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+        self._server.daemon_threads = True
+        self.port = self._server.server_address[1]
+        self._thread = threading.Thread(target=self._server.serve_forever, args=(0.02,))
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._over.set()
+        self._server.shutdown()
+        self._server.server_close()
+        self._thread.join()
+
+    def url(self, how: str, path: str) -> str:
+        return f"http://127.0.0.1:{self.port}/{how}/{path}"
+
+    def answer(self, request: BaseHTTPRequestHandler) -> None:
+        how, _, path = request.path.partition("?")[0].removeprefix("/").partition("/")
+        self.asked.append(path)
+        content = self.files.get(path)
+        request.send_response(404 if content is None else int(how) if how.isdigit() else 200)
+        content = content or b""
+        if how == "302":
+            request.send_header("Location", content.decode())
+            content = b""
+        if how == "packed":
+            request.send_header("Content-Encoding", "gzip")
+        if how == "endless":
+            request.send_header("Connection", "close")
+        else:
+            request.send_header("Content-Length", str(len(content)))
+        request.end_headers()
+        request.wfile.write(content[: len(content) // 2] if how in ("cut", "hanging") else content)
+        request.wfile.flush()
+        if how == "hanging":
+            self.silent.set()
+            self._over.wait()
+        request.close_connection = how in ("endless", "cut", "hanging")
