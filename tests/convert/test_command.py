@@ -241,14 +241,14 @@ def test_the_account_adds_up(capsys: pytest.CaptureFixture[str], scene: Path, tm
 def test_the_table_says_the_same_for_people(
     capsys: pytest.CaptureFixture[str], scene: Path, tmp_path: Path
 ) -> None:
-    out = tmp_path / "[b]x.spz"
+    out = tmp_path / "[b]\x1b[1mx.spz"
     assert convert(scene, "--min-opacity", 0.5, "--scale", 2, out) == 0
     table, err = capsys.readouterr()
     assert err == ""
     left = len(edit.drop_faint(load(scene), 0.5))
     share = f"{100 * out.stat().st_size / scene.stat().st_size:.3g} %"
     for words in (
-        "[b]x.spz",
+        r"[b]\x1b[1mx.spz",
         "cloud.ply",
         "PLY",
         "SPZ",
@@ -260,13 +260,27 @@ def test_the_table_says_the_same_for_people(
         assert words in table.replace("\n", "")
 
 
-def test_what_files_beside_a_json_weigh_is_not_guessed(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    write_folder(tmp_path, made_up(np.random.default_rng(0)).files())
-    document = account(capsys, tmp_path / "meta.json", tmp_path / "x.ply")
-    assert (document["inputs"][0]["format"], document["inputs"][0]["bytes"]) == ("SOG", None)
-    assert document["output"]["ratio"] is None
-    assert convert(tmp_path / "meta.json", tmp_path / "x.ply") == 0
+def test_the_files_that_a_json_names_are_counted(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    path = write_folder(tmp_path / "sog", made_up(np.random.default_rng(0)).files())
+    document = account(capsys, path, tmp_path / "x.ply")
+    assert document["inputs"][0]["format"] == "SOG"
+    assert document["inputs"][0]["bytes"] == sum(file.stat().st_size for file in path.parent.iterdir())
+
+
+def test_what_one_of_several_levels_weighs_is_not_known(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    for name in "fine", "coarse":
+        write_folder(tmp_path / name, made_up(np.random.default_rng(0)).files())
+    lods = {str(level): {"file": level, "offset": 0, "count": 7 - level} for level in range(2)}
+    tree = {"lodLevels": 2, "filenames": ["fine/meta.json", "coarse/meta.json"], "tree": {"lods": lods}}
+    path = tmp_path / "lod-meta.json"
+    path.write_text(json.dumps(tree))
+    assert convert(path, "--lod", 1, tmp_path / "x.ply") == 0
     assert "%" not in capsys.readouterr().out
+    document = account(capsys, path, "--lod", 1, tmp_path / "x.ply")
+    assert (document["inputs"][0]["splats"], document["inputs"][0]["bytes"]) == (6, None)
+    assert document["output"]["ratio"] is None
 
 
 def test_a_terminal_is_shown_how_far_it_is(scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,7 +12,7 @@ from tsplat.convert.edits import Edit, apply
 from tsplat.edit import join
 from tsplat.errors import OptionError
 from tsplat.io import saving
-from tsplat.io.formats import HEAD_BYTES, find_format
+from tsplat.io.on_disk import look
 from tsplat.io.sources import called
 from tsplat.options import loaded_scene
 from tsplat.progress import loading
@@ -92,10 +92,6 @@ def _output(path: Path, splats: int, inputs: Sequence[Document]) -> Document:
 
 
 def _file(path: Path) -> Document:
-    """Return format and size of a file, None where they are not known, as the size of what belongs to a JSON."""
-    if not path.is_file():
-        return {"format": None, "bytes": None}
-    with path.open("rb") as file:
-        known = find_format(file.read(HEAD_BYTES), path.name)
-    size = None if path.suffix.lower() == ".json" else path.stat().st_size
-    return {"format": known.name if known else None, "bytes": size}
+    """Return format and size of a file and of those it names; None where these hold levels that are not read."""
+    on_disk = look(path)
+    return {"format": on_disk.format, "bytes": on_disk.nbytes if on_disk.scenes == 1 else None}

@@ -9,6 +9,8 @@ from rich.box import ROUNDED
 from rich.table import Table
 from rich.text import Text
 
+from tsplat.errors import printable
+
 Document = Mapping[str, Any]
 
 
@@ -39,6 +41,6 @@ def report(document: Document) -> Table:
 
 
 def _add_scene(table: Table, way: str, about: Document, sh_degree: str, share: str, style: str = "") -> None:
-    name = Text.assemble((f"{way} ", "dim"), about["name"])
+    name = Text.assemble((f"{way} ", "dim"), printable(about["name"]))
     size = "" if about["bytes"] is None else f"{about['bytes'] / 1e6:,.2f} MB"
-    table.add_row(name, about["format"] or "", f"{about['splats']:,}", "", sh_degree, size + share, style=style)
+    table.add_row(name, about["format"], f"{about['splats']:,}", "", sh_degree, size + share, style=style)
