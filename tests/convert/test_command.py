@@ -114,11 +114,11 @@ def test_edits_are_made_in_the_order_in_which_they_are_given(
     capsys: pytest.CaptureFixture[str], scene: Path, tmp_path: Path
 ) -> None:
     before, out = load(scene), tmp_path / "x.ply"
-    given = ["--translate 1,0,0", "--rotate 0,0,90", "--translate 0,0,2", "--crop-sphere 0,1,2,0.5"]
+    given = ["--max-scale 1000000", "--translate 1.125,0,0", "--rotate 0,0,90", "--translate 0,0,2", "--crop-sphere 0,1.125,2,0.5"]
     words = [word for option in given for word in option.split()]
     document = account(capsys, *words[:2], scene, *words[2:], out)
-    wanted = edit.rotate(edit.translate(before, (1, 0, 0)), (0, 0, 90))
-    wanted = edit.crop_sphere(edit.translate(wanted, (0, 0, 2)), (0, 1, 2), 0.5)
+    wanted = edit.rotate(edit.translate(before, (1.125, 0, 0)), (0, 0, 90))
+    wanted = edit.crop_sphere(edit.translate(wanted, (0, 0, 2)), (0, 1.125, 2), 0.5)
     assert 0 < len(wanted) < 300
     assert_alike(load(out), wanted)
     assert [step["edit"] for step in document["edits"]] == given

@@ -21,7 +21,8 @@ class Edit(NamedTuple):
 
     def __str__(self) -> str:
         values = self.value if isinstance(self.value, tuple) else (self.value,)
-        return f"--{self.option} {','.join(f'{value:g}' for value in values)}"
+        words = (f"{value:.9g}" if isinstance(value, float) else str(value) for value in values)
+        return f"--{self.option} {','.join(words)}"
 
 
 def in_order(given: Sequence[str], values: dict[str, tuple[Any, ...]]) -> list[Edit]:
