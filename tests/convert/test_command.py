@@ -20,12 +20,14 @@ from tests.scenes import random_gaussians
 from tsplat import cli, edit, progress
 from tsplat.io import load, save
 from tsplat.io.formats import FORMATS
+from tsplat.lod import decimate
 from tsplat.scene import Gaussians
 
 
 @pytest.fixture(scope="module", autouse=True)
 def _compiled() -> None:
     edit.remove_floaters(random_gaussians(np.random.default_rng(0), 9))
+    decimate(random_gaussians(np.random.default_rng(0), 9), 4)
 
 
 @pytest.fixture(scope="module")
@@ -78,6 +80,8 @@ EDITS: dict[str, Callable[[Gaussians], Gaussians]] = {
     "--max-scale 0.1": lambda scene: edit.drop_large(scene, 0.1),
     "--remove-floaters": lambda scene: edit.remove_floaters(scene),
     "--remove-floaters 0.5": lambda scene: edit.remove_floaters(scene, 0.5),
+    "--decimate 70": lambda scene: decimate(scene, 70),
+    "--decimate 25%": lambda scene: decimate(scene, 75),
     "--sh-degree 0": lambda scene: edit.lower_sh_degree(scene, 0),
     "--rotate 10,-20,30": lambda scene: edit.rotate(scene, (10, -20, 30)),
     "--translate 1,2,-3": lambda scene: edit.translate(scene, (1, 2, -3)),
@@ -110,11 +114,24 @@ def test_numbers_can_be_written_in_several_ways(
     assert_alike(converted(scene, *one, tmp_path / "1.ply"), converted(scene, *other, tmp_path / "2.ply"))
 
 
+@pytest.mark.parametrize(
+    ("amount", "of_300"), [("1", 1), ("300", 300), ("999", 300), ("0.01%", 1), ("12.5%", 38), ("100%", 300)]
+)
+def test_so_many_splats_are_left_as_were_asked_for(scene: Path, tmp_path: Path, amount: str, of_300: int) -> None:
+    assert len(converted(scene, "--decimate", amount, tmp_path / "x.ply")) == of_300
+
+
 def test_edits_are_made_in_the_order_in_which_they_are_given(
     capsys: pytest.CaptureFixture[str], scene: Path, tmp_path: Path
 ) -> None:
     before, out = load(scene), tmp_path / "x.ply"
-    given = ["--max-scale 1000000", "--translate 1.125,0,0", "--rotate 0,0,90", "--translate 0,0,2", "--crop-sphere 0,1.125,2,0.5"]
+    given = [
+        "--max-scale 1000000",
+        "--translate 1.125,0,0",
+        "--rotate 0,0,90",
+        "--translate 0,0,2",
+        "--crop-sphere 0,1.125,2,0.5",
+    ]
     words = [word for option in given for word in option.split()]
     document = account(capsys, *words[:2], scene, *words[2:], out)
     wanted = edit.rotate(edit.translate(before, (1.125, 0, 0)), (0, 0, 90))
@@ -188,6 +205,9 @@ def test_the_demo_is_a_scene(tmp_path: Path) -> None:
         (["SCENE", "--remove-floaters=few", "x.ply"], "'few' is not a number of standard deviations"),
         (["SCENE", "--min-opacity", "2", "x.ply"], "2.0 is not in the range"),
         (["SCENE", "--scale", "0", "x.ply"], "0.0 is not in the range"),
+        (["SCENE", "--decimate", "0", "x.ply"], "'0' is neither a number of splats, 1 or more, nor a percentage"),
+        (["SCENE", "--decimate", "101%", "x.ply"], "'101%' is neither a number of splats"),
+        (["SCENE", "--decimate", "half", "x.ply"], "'half' is neither a number of splats"),
         (["SCENE", "--sh-degree", "5", "x.ply"], "5 is not in the range"),
         (["SCENE", "--translate", "9e37,0,0", "--scale", "9", "x.ply"], "means must be finite"),
         (["SCENE", "--min-opacity", "0.1", "--crop-sphere", "9,9,9,1", "--scale", "2", "x.ply"],

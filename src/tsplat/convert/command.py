@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -24,6 +25,19 @@ SPHERE = Numbers("sphere", 4, "four numbers X,Y,Z,R")
 FLOATERS = Numbers("sigmas", 1, "a number of standard deviations", otherwise=(SIGMAS,))
 
 
+class Amount(click.ParamType):  # type: ignore[type-arg]
+    """A number of splats, or a percentage of those there are."""
+
+    name = "amount"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the text."""
+        known = re.fullmatch(r"(\d{1,12})|(\d{1,3}(?:\.\d+)?)%", value)
+        if not known or not (int(known[1]) >= 1 if known[1] else 0 < float(known[2]) <= 100):
+            self.fail(f"{value!r} is neither a number of splats, 1 or more, nor a percentage like 25%", param, ctx)
+        return value
+
+
 EDITS = (
     ("--crop-box", BOX, "X0,Y0,Z0,X1,Y1,Z1", "Keep splats whose centres are between two corners."),
     ("--crop-sphere", SPHERE, "X,Y,Z,R", "Keep splats whose centres are at most R from X,Y,Z."),
@@ -33,6 +47,8 @@ EDITS = (
     ("--remove-floaters", FLOATERS, "[SIGMAS]",
      "Remove splats that are alone: farther from their 16 nearest, for their sizes, than the mean by so many "
      "standard deviations. Fewer remove more. [2]"),
+    ("--decimate", Amount(), "N|N%",
+     "Merge splats until so many are left, those first whose merging changes least."),
     ("--sh-degree", click.IntRange(0, 4), "D", "Leave out spherical harmonics above this degree."),
     ("--rotate", POINT, "X,Y,Z", "Turn by degrees about the x axis, then about y, then about z."),
     ("--translate", POINT, "X,Y,Z", "Shift, in world units."),

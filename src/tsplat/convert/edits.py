@@ -56,6 +56,8 @@ def apply(wanted: Edit, gaussians: Gaussians, progress: Callable[[float], None])
         case "remove-floaters":
             wait_for_kernels(WarmUp(_compile_search))
             return edit.remove_floaters(gaussians, value[0], progress)
+        case "decimate":
+            return _decimated(gaussians, splats_left(value, len(gaussians)), progress)
         case "sh-degree":
             return edit.lower_sh_degree(gaussians, value)
         case "rotate":
@@ -65,6 +67,21 @@ def apply(wanted: Edit, gaussians: Gaussians, progress: Callable[[float], None])
         case "scale":
             return edit.scale(gaussians, value)
     raise AssertionError(f"--{wanted.option} is no edit")
+
+
+def splats_left(amount: str, splats: int) -> int:
+    """Return how many splats a number of them, or a percentage of ``splats``, is: 1 or more."""
+    return max(1, round(splats * float(amount[:-1]) / 100.0)) if amount.endswith("%") else int(amount)
+
+
+def _decimated(gaussians: Gaussians, count: int, progress: Callable[[float], None]) -> Gaussians:
+    from tsplat.lod import decimate  # brings in Numba, which other edits do without
+
+    def compile_merging() -> None:
+        decimate(gaussians.take(range(min(2, len(gaussians)))), 1, threads=1)
+
+    wait_for_kernels(WarmUp(compile_merging))
+    return decimate(gaussians, count, progress=progress)
 
 
 def _compile_search() -> None:
