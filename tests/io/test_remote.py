@@ -23,6 +23,7 @@ from urllib.parse import quote
 import numpy as np
 import pytest
 
+from tests.io.gltfs import scene_of
 from tests.io.plys import one_splat, ply_bytes, splats
 from tests.io.servers import Server
 from tests.io.sogs import made_up
@@ -149,6 +150,12 @@ def test_a_json_that_names_itself_is_fetched_once(server: Server) -> None:
     with pytest.raises(CorruptFileError, match="field means is missing"):
         io.load(server.url("plain", "lod-meta.json"))
     assert server.asked == ["lod-meta.json"]
+
+
+def test_a_gltf_is_not_taken_for_json_of_planes(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tsplat.io.sog_json.JSON_BYTES", 100)
+    server.files = {"scene.gltf": scene_of(random_gaussians(np.random.default_rng(1), 5, 1)).gltf()}
+    assert len(io.load(server.url("plain", "scene.gltf"))) == 5
 
 
 def test_a_plane_that_is_not_there_is_named_by_its_address(server: Server) -> None:

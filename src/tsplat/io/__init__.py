@@ -36,8 +36,8 @@ def load(
     Parameters
     ----------
     path : str or Path
-        A splat PLY (little-endian, big-endian, ASCII, or PlayCanvas' compressed PLY), .splat, .ksplat, SPZ, or SOG
-        (zipped, or a meta.json or lod-meta.json with its planes beside it); SH degree 0 to 4. Any of them
+        A splat PLY (little-endian, big-endian, ASCII, or PlayCanvas' compressed PLY), .splat, .ksplat, SPZ, glTF,
+        or SOG (zipped, or a meta.json or lod-meta.json with its planes beside it); SH degree 0 to 4. Any of them
         may be packed with gzip. A str may also be ``-``, standard input, or an http, https or s3 URL, for which
         ``pip install "tsplat[remote]"``.
     max_splats : int, optional

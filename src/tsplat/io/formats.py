@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Protocol
 
-from tsplat.io import compressed_ply_write, ksplat, ply, sog, splat, spz
+from tsplat.io import compressed_ply_write, gltf, gltf_write, ksplat, ply, sog, splat, spz
 from tsplat.io.options import LoadOptions
 from tsplat.scene import Gaussians
 
@@ -53,6 +53,8 @@ FORMATS = (
     Format("PLY", (".ply",), ply.matches, ply.read, ply.write),
     Format("compressed PLY", (".compressed.ply",), ply.matches, ply.read, compressed_ply_write.write),
     Format("SOG", (".sog", ".json"), sog.matches, sog.read, levels=True),
+    Format("GLB", (".glb",), gltf.matches_glb, gltf.read, gltf_write.write_glb),
+    Format("glTF", (".gltf",), gltf.matches_json, gltf.read, gltf_write.write_gltf),
     Format("SPZ", (".spz",), spz.matches, spz.read, spz.write),
     Format("ksplat", (".ksplat",), ksplat.matches, ksplat.read),
     Format("splat", (".splat",), splat.matches, splat.read, splat.write),

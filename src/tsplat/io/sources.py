@@ -145,7 +145,7 @@ def _fetch(url: str, place: Path, lod: int | None, progress: Progress, fetched: 
 
     begins = place.suffix.lower() == ".json"  # then what it names is what takes long
     fetch(url, place, silent if begins else progress)
-    if is_json(place):
+    if is_json(place) and place.suffix.lower() != ".gltf":
         fetch_beside(place, partial(url_beside, url), fetch, lod, progress if begins else silent)
 
 

@@ -15,6 +15,7 @@ from tsplat.errors import CorruptFileError, LoadWarning
 from tsplat.io.finish import finish
 from tsplat.io.options import LoadOptions
 from tsplat.io.spz_decode import (
+    F32,
     decode_first_three,
     decode_fixed,
     decode_half,
@@ -68,23 +69,12 @@ def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) ->
     LoadWarning
         The file says more than is read here, or splats were left out.
     """
-    header, take = _open(path, path.read_bytes())
-    streams = {}
-    for number, (name, size) in enumerate(header.streams.items(), 1):
-        streams[name] = take(name, size)
-        progress(0.8 * number / len(header.streams))
+    header, (means, quats, scales, opacities, sh) = unpack(path, path.read_bytes(), progress)
     if header.flags & ~ANTIALIASED:
         problem = f"flags {header.flags:#x} announce extensions, which were not read"
         warnings.warn(f"{path}: {problem}; the scene may be meant otherwise", LoadWarning, stacklevel=3)
-    if header.version == 1:
-        means = decode_half(streams["means"])
-    else:
-        means = decode_fixed(streams["means"], header.fractional_bits)
-    quats = (decode_first_three if header.version < 3 else decode_smallest_three)(streams["quats"])
-    sh = decode_sh(streams["colours"], streams["sh"], REST_COEFFICIENTS[header.sh_degree])
     if options.spz_frame == "rub":
         half_turn(means, quats, sh)
-    scales, opacities = decode_scales(streams["scales"]), decode_opacities(streams["opacities"])
     antialiased = bool(header.flags & ANTIALIASED)
     gaussians = finish(
         path, means, quats, scales, opacities, sh, max_splats=options.max_splats, antialiased=antialiased
@@ -113,7 +103,39 @@ def write(file: BinaryIO, gaussians: Gaussians) -> None:
     write_spz(file, gaussians)
 
 
-def _open(path: Path, raw: bytes) -> tuple[Header, Take]:
+def unpack(
+    path: Path, raw: bytes, progress: Callable[[float], None]
+) -> tuple[Header, tuple[F32, F32, F32, F32, F32]]:
+    """Return the header of a whole SPZ, and means, quats, scales, opacities and sh in its own axes.
+
+    Raises
+    ------
+    LoadError
+        As for `read`.
+    """
+    header, take = open_streams(path, raw)
+    streams = {}
+    for number, (name, size) in enumerate(header.streams.items(), 1):
+        streams[name] = take(name, size)
+        progress(0.8 * number / len(header.streams))
+    if header.version == 1:
+        means = decode_half(streams["means"])
+    else:
+        means = decode_fixed(streams["means"], header.fractional_bits)
+    quats = (decode_first_three if header.version < 3 else decode_smallest_three)(streams["quats"])
+    scales, opacities = decode_scales(streams["scales"]), decode_opacities(streams["opacities"])
+    sh = decode_sh(streams["colours"], streams["sh"], REST_COEFFICIENTS[header.sh_degree])
+    return header, (means, quats, scales, opacities, sh)
+
+
+def open_streams(path: Path, raw: bytes) -> tuple[Header, Take]:
+    """Return the header of a whole SPZ, and what gives its streams one after the other.
+
+    Raises
+    ------
+    LoadError
+        As for `read`.
+    """
     if raw.startswith(GZIP_MAGIC):
         return open_gzip(path, raw)
     if not raw.startswith(MAGIC):

@@ -1,7 +1,7 @@
-"""Which blocks to draw: a budget of splats is spent where splats are largest on screen.
+"""Which blocks to draw: a budget of splats is spent where merging shows most on screen.
 
-Source: Rusinkiewicz and Levoy 2000, *QSplat*, for splats by size on screen; Luebke and Erikson 1997, *View-dependent
-simplification of arbitrary polygonal environments*, for a queue that spends a budget.
+Source: Luebke and Erikson 1997, *View-dependent simplification of arbitrary polygonal environments*, for a
+queue that spends a budget.
 """
 
 from __future__ import annotations
@@ -23,11 +23,8 @@ from tsplat.rendering import RenderOptions
 F32 = npt.NDArray[np.float32]
 I32 = npt.NDArray[np.int32]
 
-import os
-POWER=int(os.environ.get('POWER','2'))
-S0=float(os.environ.get('S0','1'))
-FINE_ENOUGH = 0.0
-"""Pixels. Blocks of smaller splats are not taken apart, whatever is left of the budget."""
+FULLY_SEEN = np.float32(2.0)
+"""Pixels. What changes among smaller splats is blurred by the pixels, with the fourth power of the size."""
 
 KEPT_APART = 1.3
 """How much more a block counts that was taken apart in the last frame: nothing flickers between two levels."""
@@ -68,12 +65,14 @@ class Cut:
         most = max(1, budget // BLOCK)
         focal = math.sqrt(float(camera.K[0, 0] * camera.K[1, 1]))
         numbers = camera_numbers(camera, options)
-        job = _Job(tree.firsts, tree.scene.bounds, tree.sizes, tree.errors, numbers, focal, most, self._apart, self._queue)
+        job = _Job(
+            tree.firsts, tree.scene.bounds, tree.sizes, tree.errors, numbers, focal, most, self._apart, self._queue
+        )
         return np.sort(self._chosen[: _choose(job, self._chosen)])
 
 
 class _Job(NamedTuple):
-    """What `_choose` works on; ``apart`` marks the blocks that were taken apart the last time they were in sight."""
+    """What `_choose` works on; ``apart`` marks the blocks that were taken apart when they were last in sight."""
 
     firsts: npt.NDArray[np.int64]
     bounds: F32
@@ -88,7 +87,7 @@ class _Job(NamedTuple):
 
 @kernel
 def _choose(job, chosen):
-    """Fill ``chosen`` and return how many blocks it is; the largest on screen are taken apart first."""
+    """Fill ``chosen`` and return how many blocks it is; those that lose most are taken apart first."""
     count, waiting = 0, 0
     root = job.firsts[-1] - 1
     if in_sight(root, job.numbers, job.bounds):
@@ -98,11 +97,10 @@ def _choose(job, chosen):
         waiting = _drop_first(job.queue, waiting)
         block = np.int64(key & LOW_WORD)
         child, last = _children(block, job.firsts)
-        seen = 0
+        seen = np.int64(0)
         for other in range(child, last):
             seen += np.int64(in_sight(other, job.numbers, job.bounds))
-        fine = np.uint32(key >> np.uint64(32)).view(np.float32) < np.float32(FINE_ENOUGH)
-        if child == last or fine or (seen > 1 and count + waiting + seen > job.most):
+        if child == last or (seen > 1 and count + waiting + seen > job.most):
             chosen[count], job.apart[block] = block, 0
             count += 1
             continue
@@ -115,9 +113,9 @@ def _choose(job, chosen):
 
 @part
 def _key(block, job):
-    """Return how large the splats of a block are on screen, in pixels, as the high bits of a number, and the block.
+    """Return what a picture loses by a block not taken apart, as the high bits of a number, and the block.
 
-    Sizes are not negative, so their bits are in the same order as they are.
+    Losses are not negative, so their bits are in the same order as they are.
     """
     at = block * BOUNDS
     squared = np.float32(0.0)
@@ -125,8 +123,8 @@ def _key(block, job):
         squared += (job.bounds[at + axis] - job.numbers[28 + axis]) ** 2
     distance = max(math.sqrt(squared) - job.bounds[at + 3], job.numbers[22])
     scale = np.float32(job.focal) / distance
-    size = scale * job.sizes[block]
-    seen = job.errors[block] * scale * scale * min(np.float32(1.0), (size/np.float32(S0)) ** POWER)
+    share = min(np.float32(1.0), scale * job.sizes[block] / FULLY_SEEN)
+    seen = job.errors[block] * scale * scale * share**4
     if job.apart[block]:
         seen *= np.float32(KEPT_APART)
     return np.uint64(np.float32(seen).view(np.uint32)) << np.uint64(32) | np.uint64(block)

@@ -1,4 +1,4 @@
-"""All levels of detail of a scene, ready to be drawn, as a tree of blocks: each stands for two of the level below."""
+"""All levels of detail of a scene, ready to be drawn: a tree of blocks, each in place of two of the level before."""
 
 from __future__ import annotations
 

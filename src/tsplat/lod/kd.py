@@ -26,7 +26,7 @@ DEEPEST = 64
 
 
 def kd_order(means: F32, threads: int) -> Order:
-    """Return indices into ``means``, so that blocks ``2^k j`` to ``2^k (j + 1)`` are a cell of space for every k and j.
+    """Return indices into ``means``: blocks ``2^k j`` to ``2^k (j + 1)`` are a cell of space for every k and j.
 
     Parameters
     ----------

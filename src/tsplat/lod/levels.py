@@ -1,4 +1,4 @@
-"""Levels of detail: the scene itself in blocks, and each next level half as many splats, merged within two blocks."""
+"""Levels of detail: first the scene itself, and each next one half as many splats, merged within two blocks."""
 
 from __future__ import annotations
 
@@ -60,8 +60,7 @@ def coarser(level: Level, threads: int, kept: int | None = None) -> Level:
     nodes = -(-n // (2 * BLOCK))
     # Two blocks of the scene become one in the next level, the last one what it may.
     ends = np.minimum(np.arange(nodes + 1) * 2 * BLOCK, n)
-    share = 0.5 if kept is None else kept / n
-    starts = np.ceil(ends * share).astype(np.int64)
+    starts = -(-ends // 2) if kept is None else -(-ends * kept // n)
     merged = _empty(int(starts[-1]), level.sh.shape[1])
     team = new_team(1)
     on_threads(threads, team, _merge_nodes, _MergeJob(team, level, starts, merged))

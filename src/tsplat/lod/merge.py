@@ -1,9 +1,11 @@
-"""Fewer splats that look alike: of all pairs that lie near, the one whose merging changes least is merged, again and again.
+"""Fewer splats that look alike: of all near pairs, that whose merging changes least is merged, again and again.
 
 Two splats become the one with their mass, mean and covariance, where the mass is opacity times area. What that
 changes is the integral of the squared difference, in closed form, of the two blurred Gaussians and the one they
-become, plus what their colours lose. Sources: Salmond 2009, *Mixture reduction algorithms for point and extended object
-tracking*, for moments; Williams and Maybeck 2003, *Cost-function-based Gaussian mixture reduction*, for the distance.
+become, plus what their colours lose.
+
+Sources: Salmond 2009, *Mixture reduction algorithms for point and extended object tracking*, for the moments; Williams
+and Maybeck 2003, *Cost-function-based Gaussian mixture reduction*, for the difference.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ ROOM = 2 * BLOCK
 """Splats that are merged among each other."""
 
 BLUR = np.float32(1.0)
-"""Added to the sum of two covariances, in squares of the typical size: a difference that no pixel shows costs nothing."""
+"""Added to the sum of two covariances, in squares of the typical size: what no pixel shows costs nothing."""
 
 FOLD = np.float32(-0.5 * math.log2(math.e))
 """What a squared distance is multiplied by to be an exponent of base 2."""
@@ -148,7 +150,7 @@ def take(level, start, end, scratch):
 
 @part
 def merge(scratch, wanted):
-    """Merge until only so many are left; return what that changes, in square world units, times squared opacity."""
+    """Merge until only so many are left; return what that changes: square world units times squared opacity."""
     n = np.int64(scratch.frame[4])
     for i in range(n):
         scratch.alone[i] = _alone(scratch.covars, i)
@@ -240,7 +242,7 @@ def _find_partner(i, scratch):
 
 @part
 def _find_nearest(i, scratch):
-    """Fill ``nearest`` and ``nearest_distances``: the nearest of those whose number leaves 0, 1 to 7 over by eight.
+    """Fill ``nearest`` and ``nearest_distances``: of those whose number leaves 0, 1 to 7 over by eight.
 
     The nearest of all is among them, and most of the next: which numbers splats of a node have is chance.
     """

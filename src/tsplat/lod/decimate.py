@@ -1,0 +1,107 @@
+"""A scene of fewer splats that looks alike: merged, not skipped."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from tsplat.errors import OptionError
+from tsplat.lod.kd import kd_order
+from tsplat.lod.levels import Level, coarser, finest
+from tsplat.rendering import available_processors
+from tsplat.scene import Gaussians
+
+F32 = npt.NDArray[np.float32]
+F64 = npt.NDArray[np.float64]
+
+CHUNK = 1 << 16
+"""Covariances taken apart at a time."""
+
+
+def decimate(
+    gaussians: Gaussians, count: int, *, threads: int = 0, progress: Callable[[float], None] | None = None
+) -> Gaussians:
+    """Merge splats, those first whose merging changes least, until so many are left.
+
+    Parameters
+    ----------
+    gaussians : Gaussians
+        The scene.
+    count : int
+        How many to keep, at least 1; a scene of no more is returned as it is.
+    threads : int
+        How many work at it; 0 means one per available processor.
+    progress : callable, optional
+        Called with the fraction done.
+
+    Returns
+    -------
+    Gaussians
+        In an order of space, not of the scene.
+
+    Raises
+    ------
+    OptionError
+        ``count`` is below 1.
+    """
+    if count < 1:
+        raise OptionError(f"count must be 1 or more, got {count}")
+    if len(gaussians) <= count:
+        return gaussians
+    threads, progress = threads or available_processors(), progress or (lambda _: None)
+    level = finest(gaussians, kd_order(gaussians.means, threads), threads)
+    while (left := len(level.means)) > 2 * count:
+        level = coarser(level, threads)
+        progress(1.0 - left / len(gaussians))
+    merged = _gaussians_of(coarser(level, threads, count), gaussians.antialiased)
+    progress(1.0)
+    return merged
+
+
+def _gaussians_of(level: Level, antialiased: bool) -> Gaussians:
+    n = len(level.means)
+    quats, scales = np.empty((n, 4), np.float32), np.empty((n, 3), np.float32)
+    for first in range(0, n, CHUNK):
+        part = slice(first, first + CHUNK)
+        quats[part], scales[part] = principal_axes(level.covars[part])
+    return Gaussians(level.means, quats, scales, level.opacities, level.sh, antialiased)
+
+
+def principal_axes(covars: F32) -> tuple[F64, F64]:
+    """Return rotations and standard deviations along the rotated axes.
+
+    Parameters
+    ----------
+    covars : ndarray of float32, [N, 6]
+        Upper triangles: xx, xy, xz, yy, yz, zz.
+
+    Returns
+    -------
+    quats : ndarray of float64, [N, 4]
+        ``wxyz``, unit length.
+    scales : ndarray of float64, [N, 3]
+        In world units, growing, 0 or more.
+    """
+    full = covars.astype(np.float64)[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3)
+    variances, axes = np.linalg.eigh(full)
+    axes *= np.sign(np.linalg.det(axes))[:, None, None]  # a rotation, no mirror
+    return _quats_of(axes), np.sqrt(np.maximum(variances, 0.0))
+
+
+def _quats_of(rotations: F64) -> F64:
+    """Return the quats of rotation matrices [N, 3, 3].
+
+    Source: Bar-Itzhack 2000, *New method for extracting the quaternion from a rotation matrix*: the eigenvector of
+    the largest eigenvalue of a symmetric matrix, which is right for every angle.
+    """
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotations.transpose(1, 2, 0)
+    upper = np.stack([
+        xx + yy + zz, zy - yz, xz - zx, yx - xy,
+        zy - yz, xx - yy - zz, xy + yx, xz + zx,
+        xz - zx, xy + yx, yy - xx - zz, yz + zy,
+        yx - xy, xz + zx, yz + zy, zz - xx - yy,
+    ], -1)  # fmt: skip
+    quats: F64 = np.linalg.eigh(upper.reshape(-1, 4, 4))[1][:, :, 3]
+    return quats
