@@ -51,4 +51,4 @@ def cost(first: dict[str, Any], second: dict[str, Any]) -> float:
         for j in range(3)
     )
     apart = SH_C0 * (first["color"] - second["color"])
-    return difference + 0.5 * apart @ apart * masses.prod() * overlap(2 * covar + np.eye(3), np.zeros(3))
+    return float(difference + 0.5 * apart @ apart * masses.prod() * overlap(2 * covar + np.eye(3), np.zeros(3)))

@@ -85,15 +85,17 @@ class FakePainter(Painter):
     def __init__(self) -> None:
         self.encoder = None
         self.views: list[ViewerState] = []
+        self.exact: list[bool] = []
         self.refuse = False
 
     def warm_up(self, state: ViewerState) -> None:
         pass
 
-    def draw(self, state: ViewerState, density: float = 1.0) -> Drawn:
+    def draw(self, state: ViewerState, density: float = 1.0, *, exact: bool = True) -> Drawn:
         self.views.append(state)
+        self.exact.append(exact)
         self.choose(state)
-        return Drawn(np.zeros((2, 2, 3), np.uint8), 7, {"project": 1.0}, density)
+        return Drawn(np.zeros((2, 2, 3), np.uint8), 7, {"project": 1.0}, density, exact)
 
     def encode(
         self,
@@ -300,7 +302,7 @@ def test_what_the_terminal_answers_late_is_taken_over_with_the_new_size(tmp_path
 
 def test_an_error_while_drawing_is_not_swallowed(tmp_path: Path) -> None:
     class Broken(FakePainter):
-        def draw(self, state: ViewerState, density: float = 1.0) -> Drawn:  # noqa: ARG002
+        def draw(self, state: ViewerState, density: float = 1.0, *, exact: bool = True) -> Drawn:  # noqa: ARG002
             raise ZeroDivisionError
 
     with pytest.raises(ZeroDivisionError):
