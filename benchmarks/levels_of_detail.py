@@ -26,7 +26,7 @@ from rich.table import Table
 
 from tsplat.camera import Camera
 from tsplat.io import load
-from tsplat.lod import Cut, default_budget, rasterize_within
+from tsplat.lod import Cut, default_budget, hierarchy, rasterize_within
 from tsplat.lod.hierarchy import build
 from tsplat.raster import rasterize
 from tsplat.rendering import RenderOptions
@@ -80,7 +80,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     table = Table("what", "asked", "measured", header_style="cyan", title="levels of detail, two threads")
     for each in figures:
         sign = "<=" if each.most else ">="
-        table.add_row(each.name, f"{sign} {each.asked:g} {each.unit}", f"{each.value:.2f}{'' if each.holds else ' !'}")
+        table.add_row(
+            each.name, f"{sign} {each.asked:g} {each.unit}", f"{each.value:.2f}{'' if each.holds else ' !'}"
+        )
     Console(width=None if sys.stdout.isatty() else 120, highlight=False).print("", table)
     return 0 if all(each.holds for each in figures) else 1
 
@@ -106,11 +108,15 @@ def growth(gaussians: Gaussians, frames: int) -> Iterator[Figure]:
     begun = time.perf_counter()
     build(many, 2, lambda _: None)
     seconds = time.perf_counter() - begun
-    yield Figure(f"building, {len(many) / 1e6:.1f}M splats", seconds * 1e6 / len(many), 3.0, "s a million", most=True)
+    yield Figure(
+        f"building, {len(many) / 1e6:.1f}M splats", seconds * 1e6 / len(many), 3.0, "s a million", most=True
+    )
     times = {(name, size): moving_frame(scene, size, frames)
              for name, scene in (("few", few), ("many", many)) for size in (SMALL, LARGE)}  # fmt: skip
     grown = times["many", SMALL] / times["few", SMALL]
-    yield Figure(f"240x160, {len(many) / 1e6:.1f}M against {len(few) / 1e6:.1f}M splats", grown, 1.8, "times", most=True)
+    yield Figure(
+        f"240x160, {len(many) / 1e6:.1f}M against {len(few) / 1e6:.1f}M splats", grown, 1.8, "times", most=True
+    )
     for size, asked in ((SMALL, 40.0), (LARGE, 12.0)):
         name = f"{size[0]}x{size[1]}, {len(many) / 1e6:.1f}M splats, moving"
         yield Figure(name, 1e3 / times["many", size], asked, "frames a second")
@@ -128,23 +134,19 @@ def closeness(name: str, gaussians: Gaussians, view: View) -> Iterator[Figure]:
 def pops(name: str, gaussians: Gaussians) -> Iterator[Figure]:
     """Turn the camera through a whole circle around the scene."""
     outside = views(gaussians)[0]
-    cut: Cut | None = None
+    cut = Cut(hierarchy(gaussians, 2))
     before: tuple[F32, F32] | None = None
     worst = 0.0
     for frame in range(TURN_FRAMES):
         camera = turned(outside, 2.0 * math.pi * frame / TURN_FRAMES).camera(*SMALL)
         options, budget = relative(camera), default_budget(camera)
-        if cut is None:
-            from tsplat.lod import hierarchy
-
-            cut = Cut(hierarchy(gaussians, 2))
         now = (
             rasterize_within(gaussians, camera, options, budget, cut).colors.copy(),
             rasterize(gaussians, camera, options).colors.copy(),
         )
         if before is not None:
-            merged, whole = (float(np.abs(a - b).mean()) for a, b in zip(now, before, strict=True))
-            worst = max(worst, 255.0 * (merged - whole))
+            merged, whole = (np.abs(a - b) for a, b in zip(now, before, strict=True))
+            worst = max(worst, 255.0 * float(np.maximum(merged - whole, 0.0).mean()))
         before = now
     yield Figure(f"{name}: most that a frame changes beyond the whole scene", worst, 1.5, "of 255", most=True)
 
@@ -164,13 +166,13 @@ def against_all(path: Path, gaussians: Gaussians, source: Path, frames: int) -> 
     true = truth(gaussians, view)
     classic = psnr(rasterize(gaussians, camera, RenderOptions(depths=False)).colors, true)
     merged = psnr(rasterize_within(gaussians, camera, relative(camera), default_budget(camera)).colors, true)
-    yield Figure(f"{path.stem}: nearer the truth than the baseline's {classic:.1f} dB", merged - classic, 5.0, "dB")
+    yield Figure(
+        f"{path.stem}: nearer the truth than the baseline's {classic:.1f} dB", merged - classic, 5.0, "dB"
+    )
 
 
 def moving_frame(gaussians: Gaussians, size: tuple[int, int], frames: int) -> float:
     """Return the milliseconds of the quickest frame of a slow turn."""
-    from tsplat.lod import hierarchy
-
     outside, cut = views(gaussians)[0], Cut(hierarchy(gaussians, 2))
     best = math.inf
     for frame in range(frames):
@@ -214,7 +216,8 @@ def copies(gaussians: Gaussians, count: int) -> Gaussians:
     places = [(i % side, 0, i // side) for i in range(count)]
     means = [gaussians.means + (np.array(place) * 1.1 * (high - low)).astype(np.float32) for place in places]
     repeat: Callable[[F32], F32] = lambda array: np.concatenate([array] * count)  # noqa: E731
-    return Gaussians(np.concatenate(means), *(repeat(array) for array in gaussians.arrays[1:]))
+    quats, scales, opacities, sh = (repeat(array) for array in gaussians.arrays[1:])
+    return Gaussians(np.concatenate(means), quats, scales, opacities, sh)
 
 
 def psnr(image: F32, true: F32) -> float:

@@ -81,6 +81,7 @@ class FakePainter(Painter):
 
     profile = FakeTerminal.profile
     left_behind = b""
+    merges = False
 
     def __init__(self) -> None:
         self.encoder = None
@@ -95,7 +96,7 @@ class FakePainter(Painter):
         self.views.append(state)
         self.exact.append(exact)
         self.choose(state)
-        return Drawn(np.zeros((2, 2, 3), np.uint8), 7, {"project": 1.0}, density, exact)
+        return Drawn(np.zeros((2, 2, 3), np.uint8), 7, {"project": 1.0}, density, exact or not self.merges)
 
     def encode(
         self,
@@ -369,3 +370,28 @@ def test_while_the_view_moves_frames_are_as_good_as_the_link_allows(tmp_path: Pa
     assert viewer.screen is not None
     assert views(viewer)[0] == a_state()
     assert viewer.pacer.quality.density < 1.0
+
+
+class MergingPainter(PiecesPainter):
+    """Says that it merged splats wherever it may."""
+
+    merges = True
+
+
+def test_splats_are_merged_while_the_view_moves_and_all_are_drawn_once_it_rests(tmp_path: Path) -> None:
+    terminal, painter = FakeTerminal([Key("w")]), MergingPainter()
+    viewer = Viewer(terminal, painter, a_state(), "tsplat-x", tmp_path)
+    viewer.run()
+    first, *moving, last = painter.exact
+    assert first
+    assert last
+    assert len(moving) > 2
+    assert not any(moving)
+    assert viewer.screen is not None
+    assert viewer.screen.quality == FULL
+
+
+def test_where_nothing_is_merged_a_view_that_rests_is_not_drawn_again(tmp_path: Path) -> None:
+    viewer, terminal = run(tmp_path, [Key("w")])
+    assert not any(b"piece" in written for written in terminal.written)
+    assert len(views(viewer)) == len(terminal.written)

@@ -35,7 +35,7 @@ def in_sight(block, numbers, bounds):
 
 @part
 def share_in_sight(block, numbers, bounds):
-    """Return about what share of a block's splats is in the image, 0 to 1, as if they filled their bounds evenly."""
+    """Return about what share of a block's splats is in the image, as if they filled their bounds evenly."""
     right, left, below, above, _, _ = numbers[31:37]
     x, y, z, radius, _ = _seen_from_the_eye(block, numbers, bounds)
     return (
@@ -56,7 +56,7 @@ def _share_before(beyond, radius):
 
 @part
 def _seen_from_the_eye(block, numbers, bounds):
-    """Return the middle of a block in the camera's axes, how far its centres are from there, and its largest scale."""
+    """Return the middle of a block in the camera's axes, how far its centres are from it, and its largest scale."""
     r00, r01, r02, tx, r10, r11, r12, ty, r20, r21, r22, tz = numbers[:12]
     at = block * BOUNDS
     mx, my, mz, radius, scale = bounds[at : at + BOUNDS]
