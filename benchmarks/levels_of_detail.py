@@ -20,10 +20,10 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from against_baseline import BASELINE, BUILD, SCENES, TOTAL, View, _draw_baseline, views
 from rich.console import Console
 from rich.table import Table
 
+from against_baseline import BASELINE, BUILD, SCENES, TOTAL, View, _draw_baseline, views
 from tsplat.camera import Camera
 from tsplat.io import load
 from tsplat.lod import Cut, default_budget, hierarchy, rasterize_within

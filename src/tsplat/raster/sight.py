@@ -56,7 +56,7 @@ def _share_before(beyond, radius):
 
 @part
 def _seen_from_the_eye(block, numbers, bounds):
-    """Return the middle of a block in the camera's axes, how far its centres are from it, and its largest scale."""
+    """Return a block's middle in the camera's axes, how far its centres are from it, and its largest scale."""
     r00, r01, r02, tx, r10, r11, r12, ty, r20, r21, r22, tz = numbers[:12]
     at = block * BOUNDS
     mx, my, mz, radius, scale = bounds[at : at + BOUNDS]
