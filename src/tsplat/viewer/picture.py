@@ -88,7 +88,8 @@ class Painter:
         size = frame_size(sparse, self.choose(state))
         scene = self.scenes.variant(state.kept, state.raw_opacity)
         camera = view_camera(state, *size)
-        exact = exact or not self.detail.helps(scene, camera)
+        # Asked for an exact frame as well: levels are best begun with the first.
+        exact = not self.detail.helps(scene, camera) or exact
         if exact:
             rendering = self.render(state, *size)
         else:
