@@ -46,6 +46,12 @@ class Detail:
             self._thread.start()
         return self._cut is not None
 
+    def status(self, exact: bool) -> str:
+        """Return what is said of the splats of a frame that was drawn, exactly or not."""
+        if self._cut is None and self._thread.ident is not None:
+            return f"building levels {100.0 * self.done:.0f} %"
+        return "" if exact else "merged"
+
     def draw(self, camera: Camera, options: RenderOptions) -> Rendering:
         """Draw within the budget, as `helps` said it would help."""
         from tsplat.lod import rasterize_within

@@ -97,6 +97,10 @@ class Painter:
         frame = images.quantize(saturated(rendering.colors, state.saturation))
         return Drawn(frame, rendering.visible, rendering.stage_ms, density, exact)
 
+    def detail_status(self, drawn: Drawn) -> str:
+        """Return what there is to say of the splats of a frame, often nothing."""
+        return self.detail.status(drawn.exact)
+
     def encode(
         self, state: ViewerState, frame: U8, spans: Sequence[Span], fidelity: float = 1.0
     ) -> tuple[EncodedFrame, bytes]:
