@@ -17,7 +17,7 @@ from PIL import Image
 
 from tests.scenes import random_gaussians
 from tsplat import __version__, cli
-from tsplat.io import save
+from tsplat.io import load, save
 
 COMPILING = b"tsplat: compiling kernels, first run only\n"
 pytestmark = pytest.mark.usefixtures("compiled")
@@ -162,6 +162,22 @@ def test_three_numbers_can_be_written_in_several_ways(
 )
 def test_every_option_of_render_changes_the_picture(scene: Path, tmp_path: Path, args: list[object]) -> None:
     assert not np.array_equal(rendered(scene, tmp_path, *args), rendered(scene, tmp_path))
+
+
+def test_an_spz_with_the_axes_of_a_ply_can_be_turned_over(scene: Path, tmp_path: Path) -> None:
+    packed = save(tmp_path / "x.spz", load(scene))
+    view = "--eye", 0, 0, -3, "--target", 0, 0, 0, "--up", "-y"
+    assert not np.array_equal(
+        rendered(packed, tmp_path, *view, "--spz-frame", "rdf"), rendered(packed, tmp_path, *view)
+    )
+
+
+def test_a_level_of_detail_is_for_streamed_scenes(capsys: pytest.CaptureFixture[str], scene: Path) -> None:
+    assert cli.main(["info", str(scene), "--lod", "all"]) == 0
+    assert "300" in capsys.readouterr().out
+    for args in (["render", scene, "-o", "x.png"], ["info", scene], ["bench", scene], [scene]):
+        assert "lod must be 0 in a scene that is not streamed" in failure(capsys, *args, "--lod", 2)
+    assert "'few' is not a level of detail, 0 or more, or all" in failure(capsys, "info", scene, "--lod", "few")
 
 
 def test_threads_do_not_change_the_picture(scene: Path, tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from tsplat.camera import Camera
-from tsplat.errors import TsplatError
+from tsplat.errors import OptionError, TsplatError
 from tsplat.rendering import Rendering, RenderOptions, own_antialias
 from tsplat.scene import Gaussians
 
@@ -22,7 +22,7 @@ __all__ = ["Camera", "Gaussians", "RenderOptions", "Rendering", "TsplatError", "
 __version__ = "0.1.0"
 
 
-def render(scene: Gaussians, camera: Camera, **options: Any) -> Rendering:
+def render(scene: Gaussians, camera: Camera, *, lod: bool | int = False, **options: Any) -> Rendering:
     """Draw a scene; the first call compiles or loads the kernels, later calls reuse them.
 
     Parameters
@@ -31,6 +31,9 @@ def render(scene: Gaussians, camera: Camera, **options: Any) -> Rendering:
         What to draw.
     camera : Camera
         From where, and how large.
+    lod : bool or int
+        Draw about so many splats, merged where that shows least; True means 2.5 for each pixel, False all.
+        Levels of detail are built on the first such call, in seconds for millions of splats, and kept.
     **options
         Fields of `RenderOptions`: sh_degree, antialias, background, threads, ... Without ``antialias`` a scene
         trained with antialiasing is drawn with ``mip``, others with ``classic``.
@@ -48,7 +51,14 @@ def render(scene: Gaussians, camera: Camera, **options: Any) -> Rendering:
     from tsplat.raster import rasterize  # brings in Numba, which `import tsplat` should not wait for
 
     options.setdefault("antialias", own_antialias(scene.antialiased, "classic"))
-    return rasterize(scene, camera, RenderOptions(**options))
+    chosen = RenderOptions(**options)
+    if lod is False:
+        return rasterize(scene, camera, chosen)
+    from tsplat.lod import default_budget, rasterize_within
+
+    if lod < 1:
+        raise OptionError(f"lod must be True, False, or 1 or more splats, got {lod}")
+    return rasterize_within(scene, camera, chosen, default_budget(camera) if lod is True else lod)
 
 
 def __getattr__(name: str) -> Any:

@@ -23,7 +23,7 @@ from numba.core.runtime.nrt import rtsys
 _config: Any = numba.config
 
 NOT_COMPILED = frozenset(
-    {"bench", "doctor", "info", "io", "record", "terminal", "viewer"}
+    {"bench", "convert", "doctor", "info", "io", "record", "terminal", "viewer"}
     | {"arguments.py", "cli.py", "export.py", "options.py", "progress.py"}
 )
 """What no kernel can see, because the layers forbid it: editing these compiles nothing again."""

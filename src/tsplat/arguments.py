@@ -37,24 +37,36 @@ def scene_name(scene: str) -> str:
     return Path(file_name(scene)).stem
 
 
-class Triple(click.ParamType):  # type: ignore[type-arg]
-    """Three finite numbers with commas or spaces between them, or a name that stands for them."""
+class Numbers(click.ParamType):  # type: ignore[type-arg]
+    """So many finite numbers with commas or spaces between them; ``otherwise`` where none need to be given."""
+
+    def __init__(self, name: str, count: int, expected: str, otherwise: tuple[float, ...] | None = None) -> None:
+        self.name, self.count, self.expected, self.otherwise = name, count, expected, otherwise
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return a tuple of floats."""
+        if isinstance(value, tuple):
+            return value
+        numbers = [_number(word) for word in value.replace(",", " ").split()]
+        if len(numbers) != self.count or None in numbers:
+            self.fail(f"{value!r} is not {self.expected}", param, ctx)
+        return tuple(numbers)
+
+
+class Triple(Numbers):
+    """Three of them, or a name that stands for them."""
 
     def __init__(self, name: str, expected: str, names: dict[str, tuple[float, float, float]]) -> None:
-        self.name, self.expected, self.names = name, expected, names
+        super().__init__(name, 3, expected)
+        self.names = names
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return a tuple of three floats."""
-        if isinstance(value, tuple):
-            return value
-        if value.lower() in self.names:
+        if isinstance(value, str) and value.lower() in self.names:
             return self.names[value.lower()]
-        if self.name == "color" and re.fullmatch("#[0-9a-fA-F]{6}", value):
+        if self.name == "color" and isinstance(value, str) and re.fullmatch("#[0-9a-fA-F]{6}", value):
             return tuple(int(value[start : start + 2], 16) / 255.0 for start in (1, 3, 5))
-        numbers = [_number(word) for word in value.replace(",", " ").split()]
-        if len(numbers) != 3 or None in numbers:
-            self.fail(f"{value!r} is not {self.expected}", param, ctx)
-        return tuple(numbers)
+        return super().convert(value, param, ctx)
 
 
 POINT = Triple("point", "three numbers X Y Z", {})
@@ -62,20 +74,55 @@ UP = Triple("axis", "x, y, z, -x, -y, -z or three numbers X Y Z", AXES)
 BACKGROUND = Triple("color", "black, white, grey, #rrggbb or three numbers R G B from 0 to 1", COLORS)
 
 
+class Level(click.ParamType):  # type: ignore[type-arg]
+    """A level of detail, or all of them, which is None."""
+
+    name = "level"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return an int, or None."""
+        if isinstance(value, str) and not re.fullmatch(r"[0-9]{1,4}|all", value):
+            self.fail(f"{value!r} is not a level of detail, 0 or more, or all", param, ctx)
+        return None if value == "all" else int(value)
+
+
+LEVEL = Level()
+
+
 class Triples(click.RichCommand):
-    """A command whose options of kind `Triple` also take their three numbers as three arguments."""
+    """A command whose options of kind `Numbers`, mostly three, also take them as arguments of their own."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Join ``--eye 1 2 3`` to ``--eye=1,2,3``, then parse as usual."""
-        known = {name for param in self.params if isinstance(param.type, Triple) for name in param.opts}
+        return super().parse_args(ctx, self.joined(args))
+
+    def joined(self, args: list[str]) -> list[str]:
+        """Return the arguments with such options and their numbers as one."""
+        kinds = {name: param.type for param in self.params for name in param.opts}
+        known = {name: kind for name, kind in kinds.items() if isinstance(kind, Numbers)}
         joined: list[str] = []
         while args:
             word, *args = args
-            if word in known and len(args) >= 3 and None not in map(_number, args[:3]):
-                word, args = f"{word}={','.join(args[:3])}", args[3:]
-            elif word in known and args:
-                word, args = f"{word}={args[0]}", args[1:]
+            if kind := known.get(word):
+                count = kind.count
+                if len(args) >= count and None not in map(_number, args[:count]):
+                    word, args = f"{word}={','.join(args[:count])}", args[count:]
+                elif kind.otherwise is not None:
+                    word = f"{word}={','.join(map(str, kind.otherwise))}"
+                elif args:
+                    word, args = f"{word}={args[0]}", args[1:]
             joined.append(word)
+        return joined
+
+
+class InOrder(Triples):
+    """A command that knows in which order its options were given."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Keep the names of the options as ``ctx.obj``, one for each time it was given; then parse as usual."""
+        joined = self.joined(args)
+        *_, given = self.make_parser(ctx).parse_args(args=list(joined))
+        ctx.obj = [param.name for param in given]
         return super().parse_args(ctx, joined)
 
 

@@ -17,11 +17,12 @@ import rich_click as click
 from tsplat import __version__
 from tsplat.arguments import DEMO, POINT, Triples, ViewByDefault, scene_name
 from tsplat.bench.command import bench
+from tsplat.convert.command import convert
 from tsplat.doctor.command import doctor
 from tsplat.encode import ENCODERS, FALLBACK_CELL, PICTURES
 from tsplat.errors import LoadWarning, OptionError, TsplatError
 from tsplat.info.command import info
-from tsplat.options import load_scene, render_options, shared
+from tsplat.options import READING, load_scene, reading, render_options, shared
 from tsplat.progress import wait_for_kernels
 from tsplat.record.command import record
 from tsplat.warmup import WarmUp
@@ -76,9 +77,7 @@ def command() -> None:
 @command.command(cls=Triples)
 @click.argument("scene", default=DEMO)
 @click.option("--output", type=click.Choice(ENCODERS), help="How pictures are shown. [what the terminal can]")
-@shared(
-    "up", "antialias", "sh-degree", "background", "fov-y", "train-focal", "max-splats", "raw-opacity", "threads"
-)
+@shared("up", "antialias", "sh-degree", "background", "fov-y", "train-focal", *READING, "threads")
 @click.option(
     "--latency",
     type=click.FloatRange(10, 10_000),
@@ -87,18 +86,22 @@ def command() -> None:
     metavar="MS",
     help="How long a frame may take on its way while the view moves.",
 )
+@click.option("--budget", type=click.IntRange(0), metavar="N",
+              help="Splats a frame gets while the view moves, merged where that shows least; 0: all. "
+              "[2.5 a pixel]")  # fmt: skip
 @click.option("--dither", is_flag=True, help="Mix the colours that sixel's palette lacks, in more bytes.")
 @click.option("--width", type=click.IntRange(1, 1000), metavar="COLUMNS",
               help="Columns of a printed picture. [COLUMNS, else 80]")  # fmt: skip
 @click.option("--height", type=click.IntRange(1, 1000), metavar="ROWS", help="Rows of a printed picture.")
-def view(scene: str, output: str | None, up: Vector | None, fov_y: float, raw_opacity: bool, latency: float,
+def view(scene: str, output: str | None, up: Vector | None, fov_y: float, latency: float, budget: int | None,
          dither: bool, width: int | None, height: int | None, **options: Any) -> None:  # fmt: skip
     """Open SCENE, or the demo, in the viewer: the default command; print one picture when piped."""
     printing = not sys.stdout.isatty()
     if printing and output in PICTURES:
         raise OptionError(f"--output {output} needs a terminal; a printed picture is text, half for example")
     warm_up = WarmUp()
-    gaussians = load_scene(scene, options.pop("max_splats"), raw_opacity, warm_up)
+    how = reading(options)
+    gaussians = load_scene(scene, how, warm_up)
     chosen = render_options(scene, gaussians, "relative", options)
     if printing:
         wait_for_kernels(warm_up)
@@ -106,8 +109,8 @@ def view(scene: str, output: str | None, up: Vector | None, fov_y: float, raw_op
     from tsplat import viewer
 
     return viewer.view(
-        gaussians, chosen, name=scene_name(scene), output=output, up=up, fov_y=fov_y, raw_opacity=raw_opacity,
-        latency=1e-3 * latency, dither=dither,
+        gaussians, chosen, name=scene_name(scene), output=output, up=up, fov_y=fov_y,
+        raw_opacity=how["raw_opacity"], latency=1e-3 * latency, dither=dither, budget=budget,
     )  # fmt: skip
 
 
@@ -120,18 +123,15 @@ def view(scene: str, output: str | None, up: Vector | None, fov_y: float, raw_op
 @click.option("--height", type=click.IntRange(1, 16384), default=SIZE[1], show_default=True, help="Pixels down.")
 @click.option("--eye", type=POINT, metavar="X Y Z", help="Where the camera is. [where the scene is in view]")
 @click.option("--target", type=POINT, metavar="X Y Z", help="What it looks at. [the scene's middle]")
-@shared(
-    "up", "fov-y", "sh-degree", "antialias", "background", "train-focal", "max-splats", "raw-opacity", "threads"
-)
-def render(scene: str, output: str, width: int, height: int, max_splats: int | None, raw_opacity: bool,
-           **options: Any) -> None:  # fmt: skip
+@shared("up", "fov-y", "sh-degree", "antialias", "background", "train-focal", *READING, "threads")
+def render(scene: str, output: str, width: int, height: int, **options: Any) -> None:
     """Render SCENE, or `demo`, to a picture."""
     from tsplat import images
 
     images.check_suffix(output)
     view = {name: options.pop(name) for name in ("eye", "target", "up", "fov_y")}
     warm_up = WarmUp()
-    gaussians = load_scene(scene, max_splats, raw_opacity, warm_up)
+    gaussians = load_scene(scene, reading(options), warm_up)
     chosen = render_options(scene, gaussians, "classic", options)
     camera = _camera(gaussians, width, height, **view)
     wait_for_kernels(warm_up)
@@ -145,6 +145,7 @@ def render(scene: str, output: str, width: int, height: int, max_splats: int | N
 
 
 command.add_command(info)
+command.add_command(convert)
 command.add_command(bench)
 command.add_command(doctor)
 command.add_command(record)

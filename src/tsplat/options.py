@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import rich_click as click
 
-from tsplat.arguments import BACKGROUND, UP, scene_source
+from tsplat.arguments import BACKGROUND, LEVEL, UP, scene_source
 from tsplat.files import tidy_end
 from tsplat.progress import loading
 from tsplat.rendering import ANTIALIAS, TRAIN_FOCAL_GUESS, Antialias, RenderOptions, own_antialias
@@ -24,6 +24,9 @@ ANTIALIAS_HELP = (
 )
 FOV_Y = 55.0
 
+READING = ("max-splats", "raw-opacity", "spz-frame", "lod")
+"""The options that say how a scene is read."""
+
 
 def shared(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Return a decorator that adds the options of these names, in this order, to a command."""
@@ -37,6 +40,11 @@ def shared(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
                                    help="Keep the N splats with the largest opacity times area. [all]"),
         "raw-opacity": click.option("--raw-opacity", is_flag=True,
                                     help="The file holds opacities from 0 to 1, not their logits."),
+        "spz-frame": click.option("--spz-frame", type=click.Choice(["rub", "rdf"]), default="rub",
+                                  help="Axes of an SPZ: right, up, back as specified; rdf where its writer kept "
+                                  "those of a PLY, and the scene is upside down. [rub]"),
+        "lod": click.option("--lod", type=LEVEL, default="0", metavar="N|all",
+                            help="Level of detail of a streamed scene, 0 the finest, or all of them. [0]"),
         "fov-y": click.option("--fov-y", type=click.FloatRange(0, 180, True, True), default=FOV_Y,
                               show_default=True, metavar="DEGREES", help="Vertical field of view."),
         "train-focal": click.option("--train-focal", type=click.FloatRange(0, min_open=True), metavar="PIXELS",
@@ -54,15 +62,20 @@ def shared(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     return add
 
 
-def load_scene(scene: str, max_splats: int | None, raw_opacity: bool, warm_up: WarmUp | None = None) -> Gaussians:
-    """Return the scene a person named, with a bar on stderr when that takes long."""
-    with loaded_scene(scene, max_splats, raw_opacity, warm_up) as (gaussians, _):
+def reading(options: dict[str, Any]) -> dict[str, Any]:
+    """Take those options out that say how a scene is read."""
+    return {name: options.pop(name) for name in (option.replace("-", "_") for option in READING)}
+
+
+def load_scene(scene: str, how: dict[str, Any], warm_up: WarmUp | None = None) -> Gaussians:
+    """Return the scene a person named, with a bar on stderr when that takes long; see `reading`."""
+    with loaded_scene(scene, how, warm_up) as (gaussians, _):
         return gaussians
 
 
 @contextmanager
 def loaded_scene(
-    scene: str, max_splats: int | None, raw_opacity: bool, warm_up: WarmUp | None = None
+    scene: str, how: dict[str, Any], warm_up: WarmUp | None = None
 ) -> Iterator[tuple[Gaussians, Path]]:
     """Give the scene a person named, and while it lasts the file that it is read from; see `load_scene`."""
     from tsplat.io import load
@@ -71,9 +84,9 @@ def loaded_scene(
     with (
         tidy_end(),
         loading(file_name(scene), warm_up) as bar,
-        local_file(scene_source(scene), 0, bar, bar.fetched) as (path, reading),
+        local_file(scene_source(scene), how["lod"], bar, bar.fetched) as (path, progress),
     ):
-        yield load(path, max_splats=max_splats, raw_opacity=raw_opacity, progress=reading), path
+        yield load(path, **how, progress=progress), path
 
 
 def render_options(

@@ -81,19 +81,22 @@ class FakePainter(Painter):
 
     profile = FakeTerminal.profile
     left_behind = b""
+    merges = False
 
     def __init__(self) -> None:
         self.encoder = None
         self.views: list[ViewerState] = []
+        self.exact: list[bool] = []
         self.refuse = False
 
     def warm_up(self, state: ViewerState) -> None:
         pass
 
-    def draw(self, state: ViewerState, density: float = 1.0) -> Drawn:
+    def draw(self, state: ViewerState, density: float = 1.0, *, exact: bool = True) -> Drawn:
         self.views.append(state)
+        self.exact.append(exact)
         self.choose(state)
-        return Drawn(np.zeros((2, 2, 3), np.uint8), 7, {"project": 1.0}, density)
+        return Drawn(np.zeros((2, 2, 3), np.uint8), 7, {"project": 1.0}, density, exact or not self.merges)
 
     def encode(
         self,
@@ -103,6 +106,9 @@ class FakePainter(Painter):
         fidelity: float = 1.0,  # noqa: ARG002
     ) -> tuple[EncodedFrame, bytes]:
         return EncodedFrame(b"(upload)", f"(draw {state.output})".encode()), painted(spans)
+
+    def detail_status(self, drawn: Drawn) -> str:
+        return "" if drawn.exact else "merged"
 
     def choose(self, state: ViewerState) -> FakeEncoder:  # type: ignore[override]
         self.encoder = FakeEncoder(state.output)  # type: ignore[assignment]
@@ -300,7 +306,7 @@ def test_what_the_terminal_answers_late_is_taken_over_with_the_new_size(tmp_path
 
 def test_an_error_while_drawing_is_not_swallowed(tmp_path: Path) -> None:
     class Broken(FakePainter):
-        def draw(self, state: ViewerState, density: float = 1.0) -> Drawn:  # noqa: ARG002
+        def draw(self, state: ViewerState, density: float = 1.0, *, exact: bool = True) -> Drawn:  # noqa: ARG002
             raise ZeroDivisionError
 
     with pytest.raises(ZeroDivisionError):
@@ -367,3 +373,28 @@ def test_while_the_view_moves_frames_are_as_good_as_the_link_allows(tmp_path: Pa
     assert viewer.screen is not None
     assert views(viewer)[0] == a_state()
     assert viewer.pacer.quality.density < 1.0
+
+
+class MergingPainter(PiecesPainter):
+    """Says that it merged splats wherever it may."""
+
+    merges = True
+
+
+def test_splats_are_merged_while_the_view_moves_and_all_are_drawn_once_it_rests(tmp_path: Path) -> None:
+    terminal, painter = FakeTerminal([Key("w")]), MergingPainter()
+    viewer = Viewer(terminal, painter, a_state(), "tsplat-x", tmp_path)
+    viewer.run()
+    first, *moving, last = painter.exact
+    assert first
+    assert last
+    assert len(moving) > 2
+    assert not any(moving)
+    assert viewer.screen is not None
+    assert viewer.screen.quality == FULL
+
+
+def test_where_nothing_is_merged_a_view_that_rests_is_not_drawn_again(tmp_path: Path) -> None:
+    viewer, terminal = run(tmp_path, [Key("w")])
+    assert not any(b"piece" in written for written in terminal.written)
+    assert len(views(viewer)) == len(terminal.written)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import rich_click as click
 
 from tsplat.arguments import DEMO, scene_name
-from tsplat.options import load_scene
+from tsplat.options import load_scene, shared
 
 if TYPE_CHECKING:
     from tsplat.bench.results import Ceilings, SceneResult
@@ -82,9 +82,10 @@ class Sizes(click.RichCommand):
               help="Numbers of threads to compare. [one, and all]")  # fmt: skip
 @click.option("--frames", type=click.IntRange(1, 100_000), default=FRAMES, show_default=True, metavar="N",
               help="Frames to time of each view, after the first two.")  # fmt: skip
+@shared("spz-frame", "lod")
 @click.option("--json", "as_json", is_flag=True, help="As JSON, for programs.")
 def bench(scene: tuple[str, ...], sizes: Sequence[tuple[int, int]], thread_counts: tuple[int, ...] | None,
-          frames: int, as_json: bool) -> None:  # fmt: skip
+          frames: int, as_json: bool, **how: Any) -> None:  # fmt: skip
     """Time each stage of drawing SCENE, or the demo, from around and inside, against what this machine can do."""
     from tsplat.bench.measure import measure_all
     from tsplat.processors import available_processors
@@ -93,7 +94,7 @@ def bench(scene: tuple[str, ...], sizes: Sequence[tuple[int, int]], thread_count
 
     names = scene or (DEMO,)
     # All are loaded before any is timed, so that a bad file does not cost the minutes before it.
-    scenes = [(scene_name(name), load_scene(name, None, False)) for name in names]
+    scenes = [(scene_name(name), load_scene(name, how)) for name in names]
     counts = thread_counts or tuple(dict.fromkeys((1, available_processors())))
     wait_for_kernels(WarmUp())
     with _progress() as show:

@@ -1,5 +1,5 @@
 """What a scene holds, how its values are spread and what looks wrong in it: `tsplat info`.
 
 `command` reads the arguments; `measures` has a value for each splat, `distribution` sorts one of them, `findings`
-judges them, `on_disk` looks at the files, `document` makes a plain document of it all; `report` shows that.
+judges them, `document` makes a plain document of it all; `report` shows that.
 """

@@ -11,22 +11,23 @@ from typing import Any
 import rich_click as click
 
 from tsplat.errors import LoadWarning
-from tsplat.options import loaded_scene, shared
+from tsplat.options import READING, loaded_scene, reading, shared
 
 
 @click.command("info")
 @click.argument("scene")
 @click.option("--json", "as_json", is_flag=True, help="As JSON, for programs; docs/info.md describes it.")
-@shared("max-splats", "raw-opacity")
-def info(scene: str, as_json: bool, max_splats: int | None, raw_opacity: bool) -> None:
+@shared(*READING)
+def info(scene: str, as_json: bool, **options: Any) -> None:
     """Print what SCENE, or `demo`, holds, how its values are spread, and what looks wrong in it."""
     from tsplat.info.document import document
     from tsplat.io.sources import called
 
-    name = called(scene)
-    with _load_warnings() as warned, loaded_scene(scene, max_splats, raw_opacity) as (gaussians, path):
+    name, how = called(scene), reading(options)
+    with _load_warnings() as warned, loaded_scene(scene, how) as (gaussians, path):
         problems = [text.removeprefix(f"{name}: ") for text in warned]
-        found = document(name, path, gaussians, problems, raw_opacity=raw_opacity, max_splats=max_splats)
+        chosen = {each: how[each] for each in ("raw_opacity", "max_splats")}
+        found = document(name, path, gaussians, problems, **chosen)
     if as_json:
         import json
 

@@ -14,7 +14,7 @@ from tsplat.framing import bulk
 from tsplat.info.distribution import Axis, distribution
 from tsplat.info.findings import finding_of_loading, findings
 from tsplat.info.measures import Measures, measure
-from tsplat.info.on_disk import look
+from tsplat.io.on_disk import look
 from tsplat.scene import Gaussians
 
 F32 = npt.NDArray[np.float32]

@@ -5,7 +5,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 from tsplat.errors import LoadError, OptionError, SaveError
@@ -16,7 +18,7 @@ from tsplat.io.options import LoadOptions, SpzFrame
 from tsplat.io.sources import local_file
 from tsplat.scene import Gaussians
 
-__all__ = ["TrainingCamera", "demo_path", "load", "load_cameras", "save", "train_focal_beside"]
+__all__ = ["TrainingCamera", "demo_path", "load", "load_cameras", "save", "saving", "train_focal_beside"]
 
 
 def load(
@@ -94,13 +96,26 @@ def save(path: str | Path, gaussians: Gaussians) -> Path:
         The suffix names no format that can be written, or the folder cannot be written.
     """
     path = Path(path)
+    with saving(path) as write:
+        write(gaussians)
+    return path
+
+
+@contextmanager
+def saving(path: Path) -> Iterator[Callable[[Gaussians], None]]:
+    """Check that `save` can write there, and give what does so, for scenes that take long to make.
+
+    Raises
+    ------
+    SaveError
+        As `save`; before anything else is done.
+    """
     known = find_format(b"", path.name)
     if known is None or known.write is None:
         suffixes = ", ".join(suffix for known in FORMATS if known.write for suffix in known.suffixes)
         raise SaveError(f"{path}: suffix {path.suffix!r} is no format that can be written; use one of {suffixes}")
     with replacing(path) as file:
-        known.write(file, gaussians)
-    return path
+        yield partial(known.write, file)
 
 
 def demo_path() -> Path:

@@ -1,4 +1,4 @@
-"""All levels of detail of a scene, ready to be drawn: a tree of blocks, each in place of two of the level before."""
+"""All levels of detail of a scene, ready to be drawn: a tree of blocks, each in place of two finer ones."""
 
 from __future__ import annotations
 

@@ -4,8 +4,8 @@ Two splats become the one with their mass, mean and covariance, where the mass i
 changes is the integral of the squared difference, in closed form, of the two blurred Gaussians and the one they
 become, plus what their colours lose.
 
-Sources: Salmond 2009, *Mixture reduction algorithms for point and extended object tracking*, for the moments; Williams
-and Maybeck 2003, *Cost-function-based Gaussian mixture reduction*, for the difference.
+Sources: Salmond 2009, *Mixture reduction algorithms for point and extended object tracking*, for the moments;
+Williams and Maybeck 2003, *Cost-function-based Gaussian mixture reduction*, for the difference.
 """
 
 from __future__ import annotations
@@ -30,6 +30,9 @@ BLUR = np.float32(1.0)
 
 FOLD = np.float32(-0.5 * math.log2(math.e))
 """What a squared distance is multiplied by to be an exponent of base 2."""
+
+NOTHING = np.float32(-100.0)
+"""The lowest exponent: two to it is nothing, and `exp2` is right for it."""
 
 LANE_COSTS = 14
 """Row of ``lanes`` for the costs, behind what is gathered."""
@@ -156,21 +159,27 @@ def merge(scratch, wanted):
         scratch.alone[i] = _alone(scratch.covars, i)
     for i in range(n):
         _find_partner(i, scratch)
-    left, changed = n, 0.0
+    left, changed = n, np.float32(0.0)
     while left > wanted:
-        i, cost = 0, NEVER
-        for each in range(n):
-            if scratch.costs[each] < cost:
-                i, cost = each, scratch.costs[each]
+        i = _cheapest(scratch.costs, n)
         j = scratch.partners[i]
         if scratch.births[j] != scratch.partners_births[i]:
             _find_partner(i, scratch)  # the partner is not what it was
             continue
-        changed += cost
+        changed += scratch.costs[i]
         _merge_into(i, j, scratch)
         _find_partner(i, scratch)
         left -= 1
     return changed * scratch.frame[3] ** 2
+
+
+@part
+def _cheapest(costs, n):
+    i, cost = 0, NEVER
+    for each in range(n):
+        if costs[each] < cost:
+            i, cost = each, costs[each]
+    return i
 
 
 @part
@@ -330,7 +339,8 @@ def _overlap(one, other, dx, dy, dz):
     inverse = splat(np.float32(1.0)) / (xx * axx + xy * axy + xz * axz)
     straight = dx * dx * axx + dy * dy * ayy + dz * dz * azz
     across = dx * dy * axy + dx * dz * axz + dy * dz * ayz
-    return sqrt(inverse), splat(FOLD) * (straight + across + across) * inverse
+    exponent = splat(FOLD) * (straight + across + across) * inverse
+    return sqrt(inverse), maximum(exponent, splat(NOTHING))
 
 
 @part

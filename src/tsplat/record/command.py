@@ -12,7 +12,7 @@ from tsplat.arguments import DEMO, Triples, scene_name
 from tsplat.encode import ENCODERS, FALLBACK_CELL
 from tsplat.errors import OptionError, SaveError
 from tsplat.files import replacing
-from tsplat.options import load_scene, render_options, shared
+from tsplat.options import READING, load_scene, reading, render_options, shared
 from tsplat.progress import loading, wait_for_kernels
 from tsplat.warmup import WarmUp
 
@@ -48,11 +48,8 @@ DEFAULTS: dict[str, Any] = {
 @click.option("--rows", type=click.IntRange(1, 1000), help="Rows of a .cast. [24]")
 @click.option("--output", type=click.Choice(ENCODERS),
               help="How a .cast or the viewer shows pictures. [half; --live: what the terminal can]")  # fmt: skip
-@shared(
-    "up", "fov-y", "sh-degree", "antialias", "background", "train-focal", "max-splats", "raw-opacity", "threads"
-)
-def record(out: str, scene: str, live: bool, max_splats: int | None, raw_opacity: bool, up: Any, fov_y: float,
-           **options: Any) -> None:  # fmt: skip
+@shared("up", "fov-y", "sh-degree", "antialias", "background", "train-focal", *READING, "threads")
+def record(out: str, scene: str, live: bool, up: Any, fov_y: float, **options: Any) -> None:
     """Record an orbit around SCENE, or the demo, or a session with it, as an asciicast or a moving picture."""
     wanted = {name: options.pop(name) for name in DEFAULTS}
     path = Path(out)
@@ -60,11 +57,12 @@ def record(out: str, scene: str, live: bool, max_splats: int | None, raw_opacity
     how = {name: DEFAULTS[name] if value is None else value for name, value in wanted.items()}
     with replacing(path) as file:
         warm_up = WarmUp()
-        gaussians = load_scene(scene, max_splats, raw_opacity, warm_up)
+        read = reading(options)
+        gaussians = load_scene(scene, read, warm_up)
         chosen = render_options(scene, gaussians, "relative", options)
         if live:
             view = {"name": scene_name(scene), "output": wanted["output"], "up": up, "fov_y": fov_y}
-            made = _record_session(file, path, gaussians, chosen, how, raw_opacity=raw_opacity, **view)
+            made = _record_session(file, path, gaussians, chosen, how, raw_opacity=read["raw_opacity"], **view)
         else:
             wait_for_kernels(warm_up)
             made = _record_orbit(

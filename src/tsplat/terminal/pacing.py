@@ -46,10 +46,13 @@ class Quality:
         Pixels rendered for each pixel of the output, along either side.
     fidelity : float
         What `tsplat.encode.Encoder.fidelity` says: 1 is all there is.
+    exact : bool
+        Whether every splat is drawn.
     """
 
     density: float = 1.0
     fidelity: float = 1.0
+    exact: bool = True
 
 
 FULL = Quality()

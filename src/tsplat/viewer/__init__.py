@@ -30,6 +30,7 @@ def view(
     raw_opacity: bool = False,
     latency: float = LATENCY,
     dither: bool = False,
+    budget: int | None = None,
     recorder: Recorder | None = None,
 ) -> None:
     """Open the viewer; it returns when the person quits, with the terminal as it was.
@@ -54,6 +55,9 @@ def view(
         Seconds that a frame may take on its way while the view moves; what would take longer is sent coarser.
     dither : bool
         Whether sixel mixes colours that its palette lacks.
+    budget : int, optional
+        How many splats a frame gets while the view moves, merged where that shows least; by default some for each
+        pixel, 0 for all.
     recorder : Recorder, optional
         Who records the session; outputs that it does not take are not offered.
 
@@ -66,6 +70,7 @@ def view(
     """
     from tsplat.framing import start_pose
     from tsplat.terminal import choose_output, outputs
+    from tsplat.viewer.detail import Detail
     from tsplat.viewer.loop import Viewer
     from tsplat.viewer.picture import screen_pixels
     from tsplat.viewer.recorder import Recorder
@@ -99,6 +104,6 @@ def view(
             message=GREETING,
         )
         painter = recorder.painter(SceneVariants(gaussians, raw_opacity=raw_opacity), session.profile)
-        painter.dither = dither
+        painter.dither, painter.detail = dither, Detail(gaussians, budget)
         pacer = Pacer(latency, remote=session.profile.remote)
         Viewer(session, painter, state, f"tsplat-{name}", Path.cwd(), pacer).run()

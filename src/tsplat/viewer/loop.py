@@ -205,11 +205,13 @@ class Viewer:
 
     def show(self, start: float) -> None:
         """Draw the state as well as the link allows: one write, the picture first and the text above it."""
-        state, screen, quality = self.state, self.screen, self.pacer.quality
+        state, screen = self.state, self.screen
+        quality = replace(self.pacer.quality, exact=not state.moving)
         abandoned = self.painter.abandon() if self.pieces else b""
         self.pieces = None
         fresh = self._fresh_screen()
         drawn = self._drawn(picture(state), quality)
+        quality = replace(quality, exact=drawn.exact)
         spans = layout(state, self.measured(drawn, start))
         before_encode = time.perf_counter()
         encoded, text = self.painter.encode(state, drawn.frame, spans, quality.fidelity)
@@ -251,9 +253,11 @@ class Viewer:
 
     def _drawn(self, wanted: ViewerState, quality: Quality) -> Drawn:
         screen = self.screen
-        if screen and screen.picture == wanted and screen.drawn.density == quality.density:
-            return screen.drawn
-        return self.painter.draw(self.state, quality.density)
+        if screen and screen.picture == wanted:
+            drawn = screen.drawn
+            if drawn.density == quality.density and drawn.exact >= quality.exact:
+                return drawn
+        return self.painter.draw(self.state, quality.density, exact=quality.exact)
 
     def _fresh_screen(self) -> bytes:
         """Return what empties the screen before its first picture, after resizing and between outputs."""
@@ -280,6 +284,7 @@ class Viewer:
             stage_ms=drawn.stage_ms | self.last_ms,
             terminal=f"{profile.program} {profile.version}".strip(),
             protocol=detected(profile),
+            detail=self.painter.detail_status(drawn),
         )
 
     def warm_up(self) -> None:

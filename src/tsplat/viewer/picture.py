@@ -17,6 +17,7 @@ from tsplat.rendering import Rendering
 from tsplat.terminal.keys import TerminalSize
 from tsplat.terminal.pacing import LADDER
 from tsplat.terminal.probe import TRUECOLOR, Profile
+from tsplat.viewer.detail import Detail
 from tsplat.viewer.scenes import SceneVariants
 from tsplat.viewer.spans import Span, covered, painted, shaded
 from tsplat.viewer.state import ViewerState
@@ -51,12 +52,15 @@ class Drawn:
         Milliseconds by stage.
     density : float
         Of the pixels that the state asks for, along either side.
+    exact : bool
+        Whether every splat was drawn.
     """
 
     frame: U8
     visible: int
     stage_ms: dict[str, float]
     density: float = 1.0
+    exact: bool = True
 
 
 class Painter:
@@ -64,6 +68,7 @@ class Painter:
 
     def __init__(self, scenes: SceneVariants, profile: Profile = TRUE_COLORS, *, dither: bool = False) -> None:
         self.scenes, self.profile, self.dither = scenes, profile, dither
+        self.detail = Detail(scenes.loaded)
         self.encoder: Encoder | None = None
 
     def warm_up(self, state: ViewerState) -> None:
@@ -74,12 +79,27 @@ class Painter:
             chosen.encode(np.zeros((SIDE, SIDE, 3), np.uint8), 4, 2, FALLBACK_CELL)
         chosen.clear()
 
-    def draw(self, state: ViewerState, density: float = 1.0) -> Drawn:
-        """Render a frame of the size that the output needs, or a share of it along either side."""
+    def draw(self, state: ViewerState, density: float = 1.0, *, exact: bool = True) -> Drawn:
+        """Render a frame of the size that the output needs, or a share of it along either side.
+
+        Where it need not be ``exact``, splats may be merged.
+        """
         sparse = replace(state, density=state.density * density)
-        rendering = self.render(state, *frame_size(sparse, self.choose(state)))
+        size = frame_size(sparse, self.choose(state))
+        scene = self.scenes.variant(state.kept, state.raw_opacity)
+        camera = view_camera(state, *size)
+        # Asked for an exact frame as well: levels are best begun with the first.
+        exact = not self.detail.helps(scene, camera) or exact
+        if exact:
+            rendering = self.render(state, *size)
+        else:
+            rendering = self.detail.draw(camera, replace(state.options, depths=False))
         frame = images.quantize(saturated(rendering.colors, state.saturation))
-        return Drawn(frame, rendering.visible, rendering.stage_ms, density)
+        return Drawn(frame, rendering.visible, rendering.stage_ms, density, exact)
+
+    def detail_status(self, drawn: Drawn) -> str:
+        """Return what there is to say of the splats of a frame, often nothing."""
+        return self.detail.status(drawn.exact)
 
     def encode(
         self, state: ViewerState, frame: U8, spans: Sequence[Span], fidelity: float = 1.0

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from tests.scenes import random_gaussians, shared_scenes
-from tsplat.info.on_disk import OnDisk, look
 from tsplat.io import demo_path, save
+from tsplat.io.on_disk import OnDisk, look
 
 SCENES = shared_scenes()
 

@@ -1,0 +1,1 @@
+"""`tsplat convert`: scenes read, edited and written in another format, and an account of it."""

@@ -1,0 +1,43 @@
+"""Splats that are too faint or too large, by what each of them says about itself."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tsplat.scene import Gaussians
+
+
+def drop_faint(gaussians: Gaussians, min_opacity: float) -> Gaussians:
+    """Keep the splats of at least this opacity.
+
+    Parameters
+    ----------
+    gaussians : Gaussians
+        Any scene.
+    min_opacity : float
+        From 0, which keeps all, to 1.
+
+    Returns
+    -------
+    Gaussians
+        In the same order.
+    """
+    return gaussians.take(np.flatnonzero(gaussians.opacities >= np.float32(min_opacity)))
+
+
+def drop_large(gaussians: Gaussians, max_scale: float) -> Gaussians:
+    """Keep the splats whose longest standard deviation is at most this.
+
+    Parameters
+    ----------
+    gaussians : Gaussians
+        Any scene.
+    max_scale : float
+        In world units.
+
+    Returns
+    -------
+    Gaussians
+        In the same order.
+    """
+    return gaussians.take(np.flatnonzero(gaussians.scales.max(axis=1) <= np.float32(max_scale)))

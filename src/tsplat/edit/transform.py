@@ -1,0 +1,76 @@
+"""A scene moved as a whole: turned and scaled about the origin, and shifted.
+
+A turn takes everything along that has a direction: centres, the splats themselves, and the harmonics of their
+colours, which look at the world from the splat's place.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from tsplat.errors import OptionError
+from tsplat.rotations import quat_products, rotations_of
+from tsplat.scene import Gaussians
+from tsplat.sh_rotation import rotate_sh
+
+F64 = npt.NDArray[np.float64]
+
+
+def rotate(gaussians: Gaussians, degrees: Sequence[float]) -> Gaussians:
+    """Turn a scene about the origin.
+
+    Parameters
+    ----------
+    gaussians : Gaussians
+        Any scene.
+    degrees : sequence of 3 floats
+        About the world's x axis, then its y axis, then its z axis; counterclockwise for someone towards whom the
+        axis points.
+
+    Returns
+    -------
+    Gaussians
+        In the same order.
+    """
+    quat = euler_quat(degrees)
+    rotation = rotations_of(quat[None])[0]
+    quats = quat_products(quat, gaussians.quats)
+    return replace(
+        gaussians,
+        means=(gaussians.means @ rotation.T).astype(np.float32),
+        quats=(quats / np.linalg.norm(quats, axis=1, keepdims=True)).astype(np.float32),
+        sh=rotate_sh(gaussians.sh, rotation),
+    )
+
+
+def translate(gaussians: Gaussians, offset: Sequence[float]) -> Gaussians:
+    """Shift a scene by three world units along x, y and z."""
+    return replace(gaussians, means=gaussians.means + np.asarray(offset, np.float64))
+
+
+def scale(gaussians: Gaussians, factor: float) -> Gaussians:
+    """Scale a scene about the origin by a factor above 0.
+
+    Raises
+    ------
+    OptionError
+        The factor is not above 0.
+    """
+    if not factor > 0.0:
+        raise OptionError(f"the factor of a scale must be above 0, got {factor}")
+    return replace(gaussians, means=gaussians.means * factor, scales=gaussians.scales * factor)
+
+
+def euler_quat(degrees: Sequence[float]) -> F64:
+    """Return the turn about the world's x axis, then its y axis, then its z axis as a unit quat ``wxyz``."""
+    quat = np.array([1.0, 0.0, 0.0, 0.0])
+    for axis, angle in enumerate(degrees):
+        turn = np.zeros(4)
+        turn[0], turn[1 + axis] = math.cos(math.radians(angle) / 2), math.sin(math.radians(angle) / 2)
+        quat = quat_products(turn, quat[None])[0]
+    return quat

@@ -1,0 +1,52 @@
+"""A scene drawn within a budget of splats."""
+
+from __future__ import annotations
+
+from tsplat.camera import Camera
+from tsplat.lod.cut import Cut
+from tsplat.lod.hierarchy import hierarchy
+from tsplat.raster import rasterize, rasterize_blocks
+from tsplat.rendering import Rendering, RenderOptions
+from tsplat.scene import Gaussians
+
+SPLATS_A_PIXEL = 2.5
+"""Splats drawn for each pixel where nobody says how many: more of them are hardly seen."""
+
+LEAST_BUDGET, LARGEST_BUDGET = 20_000, 500_000
+"""Splats that even the smallest picture gets, a few milliseconds, and that even the largest does."""
+
+
+def rasterize_within(
+    gaussians: Gaussians, camera: Camera, options: RenderOptions, budget: int, cut: Cut | None = None
+) -> Rendering:
+    """Draw a scene with about so many splats in sight, merged where that shows least.
+
+    Parameters
+    ----------
+    gaussians : Gaussians
+        What to draw; its levels of detail are built on the first call, and kept with it.
+    camera : Camera
+        From where, and how large.
+    options : RenderOptions
+        How.
+    budget : int
+        About so many splats in sight, though never fewer than 256; a scene of no more is drawn as it is.
+    cut : Cut, optional
+        What chose the splats of the last frame, so that nothing flickers between two levels.
+
+    Returns
+    -------
+    Rendering
+        As `tsplat.raster.rasterize` returns it.
+    """
+    if len(gaussians) <= budget:
+        return rasterize(gaussians, camera, options)
+    tree = hierarchy(gaussians, options.worker_count)
+    blocks = (cut or Cut(tree)).blocks(camera, options, budget)
+    return rasterize_blocks(tree.scene, blocks, camera, options)
+
+
+def default_budget(camera: Camera) -> int:
+    """Return how many splats a picture of this size gets where nobody says how many."""
+    wanted = round(SPLATS_A_PIXEL * camera.width * camera.height)
+    return min(max(LEAST_BUDGET, wanted), LARGEST_BUDGET)
