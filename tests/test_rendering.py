@@ -49,7 +49,7 @@ def test_relative_dilates_with_the_image_and_adds_the_box_it_grew_by() -> None:
 
 def test_relative_softens_images_as_far_as_they_are_smaller_and_no_other_mode_does() -> None:
     relative = RenderOptions(antialias="relative", train_focal=200.0)
-    assert [relative.softening(focal) for focal in (100.0, 200.0, 400.0)] == [0.75 * SOFTENING, 0.0, 0.0]
+    assert [relative.softening(focal) for focal in (100.0, 200.0, 400.0)] == [0.75**0.5 * SOFTENING, 0.0, 0.0]
     assert {RenderOptions(antialias=mode).softening(1.0) for mode in ("classic", "mip")} == {0.0}
 
 

@@ -160,7 +160,8 @@ class RenderOptions:
         Along columns, then rows, a pixel keeps ``1 - variance`` of itself and gets half of the rest from either
         neighbour.
         """
-        return SOFTENING * self._smaller(focal) if self.antialias == "relative" else 0.0
+        # The root, as images just below the training size shimmer most.
+        return SOFTENING * math.sqrt(self._smaller(focal)) if self.antialias == "relative" else 0.0
 
     def _smaller(self, focal: float) -> float:
         """Return how much of a pixel's area was not in a training pixel, 0 to 1."""
