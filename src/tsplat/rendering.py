@@ -6,7 +6,6 @@ Sources: Kerbl et al. 2023, *3D Gaussian Splatting*; gsplat 1.5, whose classic m
 from __future__ import annotations
 
 import math
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, get_args
@@ -16,6 +15,7 @@ import numpy.typing as npt
 
 from tsplat import images
 from tsplat.errors import OptionError
+from tsplat.processors import available_processors
 
 F32 = npt.NDArray[np.float32]
 U8 = npt.NDArray[np.uint8]
@@ -211,13 +211,6 @@ class Rendering:
 def own_antialias(antialiased: bool, otherwise: Antialias) -> Antialias:
     """Return how a scene is to be drawn where nobody said how: one trained with antialiasing needs ``mip``."""
     return "mip" if antialiased else otherwise
-
-
-def available_processors() -> int:
-    """Return how many processors this process may run on, at least 1."""
-    if hasattr(os, "sched_getaffinity"):
-        return max(1, len(os.sched_getaffinity(0)))
-    return os.cpu_count() or 1
 
 
 def _expect(valid: bool, name: str, value: object, expected: str) -> None:

@@ -13,9 +13,11 @@ import pytest
 from PIL import Image
 
 import tsplat
+from tests.io.outcomes import limited_growth
 from tests.scenes import shared_scenes
 from tsplat import io
 from tsplat.errors import CorruptFileError, LoadError
+from tsplat.io.camera_json import MAX_BYTES
 
 SCENES = shared_scenes()
 NEEDS_SCENES = pytest.mark.skipif(
@@ -65,6 +67,7 @@ FAULTS: dict[str, tuple[Any, str]] = {
     "no width": ([entry(width=0)], "camera 0: width must be 1 to"),
     "endless width": ([entry(width=math.inf)], "camera 0: expected"),
     "a mirror": ([entry(rotation=[[1, 0, 0], [0, 1, 0], [0, 0, -1]])], "camera 0: viewmat must hold a rotation"),
+    "axes beyond all bounds": ([entry(rotation=[[1e300] * 3] * 3)], "camera 0: viewmat must "),
     "nan": ([entry(position=[math.nan, 0, 0])], "camera 0: viewmat must be finite"),
 }
 
@@ -78,6 +81,12 @@ def test_a_broken_list_is_one_clear_line(tmp_path: Path, name: str) -> None:
     with pytest.raises(CorruptFileError, match=message) as caught:
         io.load_cameras(path)
     assert "\n" not in str(caught.value)
+
+
+def test_a_short_list_takes_no_room_for_the_longest(tmp_path: Path) -> None:
+    path = write(tmp_path, [entry()])
+    with limited_growth(MAX_BYTES // 4):
+        assert len(io.load_cameras(path)) == 1
 
 
 def test_a_missing_list_cannot_be_loaded(tmp_path: Path) -> None:

@@ -47,9 +47,13 @@ def test_a_budget_of_0_is_none(scene: Gaussians) -> None:
 
 def test_a_frame_has_no_more_splats_than_the_budget_once_levels_are_built(scene: Gaussians) -> None:
     detail = Detail(scene, N // 4)
+    assert detail.status(exact=True) == ""
     assert not detail.helps(scene, front_camera())
+    assert detail.status(exact=True).startswith("building levels ")
     assert built(detail).draw(front_camera(), RenderOptions(depths=False)).visible <= 1.1 * N // 4
     assert detail.done == 1.0
+    assert detail.status(exact=True) == ""
+    assert detail.status(exact=False) == "merged"
 
 
 def test_another_variant_of_the_scene_is_drawn_whole(scene: Gaussians) -> None:

@@ -107,6 +107,9 @@ class FakePainter(Painter):
     ) -> tuple[EncodedFrame, bytes]:
         return EncodedFrame(b"(upload)", f"(draw {state.output})".encode()), painted(spans)
 
+    def detail_status(self, drawn: Drawn) -> str:
+        return "" if drawn.exact else "merged"
+
     def choose(self, state: ViewerState) -> FakeEncoder:  # type: ignore[override]
         self.encoder = FakeEncoder(state.output)  # type: ignore[assignment]
         return self.encoder  # type: ignore[return-value]

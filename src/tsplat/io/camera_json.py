@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import TypeVar
 
@@ -25,7 +26,8 @@ def read_json(path: Path, kind: type[Kind]) -> Kind:
     called = "a list of cameras" if kind is list else "an object with cameras"
     try:
         with path.open("rb") as file:
-            text = file.read(MAX_BYTES + 1)
+            # As much as is asked for would be allocated at once.
+            text = file.read(min(MAX_BYTES, os.fstat(file.fileno()).st_size) + 1)
     except OSError as error:
         raise LoadError(path, f"cannot be read: {error.strerror or error}; check the path") from error
     if len(text) > MAX_BYTES:

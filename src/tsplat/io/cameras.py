@@ -47,7 +47,8 @@ def load_cameras(path: str | Path) -> list[TrainingCamera]:
     """
     path = Path(path)
     entries = read_json(path, list)
-    return [_camera(path, index, entry) for index, entry in enumerate(entries)]
+    with np.errstate(over="ignore", invalid="ignore"):  # what that makes is no rotation, and refused
+        return [_camera(path, index, entry) for index, entry in enumerate(entries)]
 
 
 def _camera(path: Path, index: int, entry: Any) -> TrainingCamera:

@@ -27,6 +27,7 @@ class Detail:
     def __init__(self, gaussians: Gaussians, budget: int | None = None) -> None:
         self.gaussians, self._budget = gaussians, budget
         self._cut: Cut | None = None
+        self._first: Camera
         self.done = 0.0
         """How far building is, 0 to 1."""
         # A daemon, so that quitting does not wait.
@@ -43,8 +44,15 @@ class Detail:
         if gaussians is not self.gaussians or len(gaussians) <= self.budget(camera):
             return False
         if self._thread.ident is None:
+            self._first = camera
             self._thread.start()
         return self._cut is not None
+
+    def status(self, exact: bool) -> str:
+        """Return what is said of the splats of a frame that was drawn, exactly or not."""
+        if self._cut is None and self._thread.ident is not None:
+            return f"building levels {100.0 * self.done:.0f} %"
+        return "" if exact else "merged"
 
     def draw(self, camera: Camera, options: RenderOptions) -> Rendering:
         """Draw within the budget, as `helps` said it would help."""
@@ -56,7 +64,9 @@ class Detail:
         from tsplat.lod import Cut, hierarchy
 
         # One thread: those of the frames are not waited for, nor kept waiting.
-        self._cut = Cut(hierarchy(self.gaussians, 1, self._progress))
+        cut = Cut(hierarchy(self.gaussians, 1, self._progress))
+        cut.blocks(self._first, RenderOptions(), 1)  # no frame should wait for the kernel
+        self._cut = cut
 
     def _progress(self, fraction: float) -> None:
         self.done = fraction

@@ -88,13 +88,18 @@ class Painter:
         size = frame_size(sparse, self.choose(state))
         scene = self.scenes.variant(state.kept, state.raw_opacity)
         camera = view_camera(state, *size)
-        exact = exact or not self.detail.helps(scene, camera)
+        # Asked for an exact frame as well: levels are best begun with the first.
+        exact = not self.detail.helps(scene, camera) or exact
         if exact:
             rendering = self.render(state, *size)
         else:
             rendering = self.detail.draw(camera, replace(state.options, depths=False))
         frame = images.quantize(saturated(rendering.colors, state.saturation))
         return Drawn(frame, rendering.visible, rendering.stage_ms, density, exact)
+
+    def detail_status(self, drawn: Drawn) -> str:
+        """Return what there is to say of the splats of a frame, often nothing."""
+        return self.detail.status(drawn.exact)
 
     def encode(
         self, state: ViewerState, frame: U8, spans: Sequence[Span], fidelity: float = 1.0
