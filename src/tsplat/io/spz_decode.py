@@ -33,7 +33,8 @@ SH_SIGNS = np.array(
 """What half a turn about x makes of the harmonics: each is odd or even in y and z together."""
 
 _BYTES = np.arange(256, dtype=np.float64)
-_SCALES = np.exp(_BYTES / 16 - 10).astype(np.float32)
+SCALES = np.exp(_BYTES / 16 - 10).astype(np.float32)
+"""What the bytes of a scale stand for: logarithms in sixteenths."""
 _OPACITIES = (_BYTES / 255).astype(np.float32)
 _COLOURS = ((_BYTES / 255 - 0.5) / COLOUR_SCALE).astype(np.float32)
 _FIRST_THREE = (_BYTES / 127.5 - 1).astype(np.float32)
@@ -80,7 +81,7 @@ def decode(name: str, stream: bytes, header: Header, turned: bool, out: Arrays) 
         case "colours":
             out.sh[:, 0] = np.take(_COLOURS, values.reshape(-1, 3), mode="clip")
         case "scales":
-            np.take(_SCALES, values.reshape(-1, 3), out=out.scales, mode="clip")
+            np.take(SCALES, values.reshape(-1, 3), out=out.scales, mode="clip")
         case "quats":
             (_first_three if header.version < 3 else _smallest_three)(stream, out.quats)
             if turned:

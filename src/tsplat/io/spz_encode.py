@@ -15,7 +15,16 @@ import numpy as np
 import numpy.typing as npt
 
 from tsplat.errors import SaveError
-from tsplat.io.spz_decode import COLOUR_SCALE, MEANS_SIGNS, OTHERS, QUATS_SIGNS, SH_SIGNS, SMALLEST_BITS
+from tsplat.importance import area
+from tsplat.io.spz_decode import (
+    COLOUR_SCALE,
+    MEANS_SIGNS,
+    OTHERS,
+    QUATS_SIGNS,
+    SCALES,
+    SH_SIGNS,
+    SMALLEST_BITS,
+)
 from tsplat.io.spz_header import ANTIALIASED, HEADER, MAGIC
 from tsplat.scene import SH_COEFFICIENTS, Gaussians
 
@@ -30,6 +39,16 @@ SH_DEGREE_MAX = 3
 
 FRACTIONAL_BITS = 12
 """What Niantic's library always writes: steps of a quarter of a millimetre in a scene in metres."""
+
+SH_C0 = 0.28209479177387814
+BRIGHTEST = 0.5 + SH_C0 * 0.5 / COLOUR_SCALE
+"""The largest colour that the byte of a colour holds."""
+
+GREY = 0.5
+"""What is thought to be behind a splat."""
+
+MOST_GAIN = 2.0
+"""Opacities grow by no more than this: a splat too small for the format is not made a wall."""
 
 REACH_STEPS = 16
 """A small scene gets more bits, until the farthest mean is at least two to this many steps from the origin."""
@@ -76,16 +95,37 @@ def _streams(gaussians: Gaussians, bits: int) -> Iterator[bytes]:
     for part in parts:
         yield _fixed(gaussians.means[part] * MEANS_SIGNS, bits)
     for part in parts:
-        yield _bytes(gaussians.opacities[part] * 255)
+        yield _bytes(_opacities(gaussians.take(range(*part.indices(len(gaussians))))) * 255)
     for part in parts:
         yield _bytes(np.clip(gaussians.sh[part, 0] * COLOUR_SCALE + 0.5, 0, 1) * 255)
     for part in parts:
-        scales = np.maximum(gaussians.scales[part], np.finfo(np.float32).tiny)
-        yield _bytes((np.log(scales) + 10) * 16)
+        yield _scale_steps(gaussians.scales[part]).tobytes()
     for part in parts:
         yield _smallest_three(gaussians.quats[part] * QUATS_SIGNS)
     for part in parts:
         yield _bytes(np.clip(gaussians.sh[part, 1:k] * signs, -1, 1) * 128 + 128)
+
+
+def _opacities(gaussians: Gaussians) -> F32:
+    """Return the opacities that make up for what scales lose by rounding, and colours by being cut.
+
+    A splat of a little less area shows as much of it with a little more opacity; one too bright for the format
+    takes as much light in front of `GREY` if it covers more.
+    """
+    kept = SCALES[_scale_steps(gaussians.scales)]
+    shares = area(gaussians.scales) / np.maximum(area(kept), np.finfo(np.float32).tiny)
+    colors = 0.5 + SH_C0 * gaussians.sh[:, 0].astype(np.float64)
+    lost = np.where((colors > BRIGHTEST).any(axis=1), (colors - np.minimum(colors, BRIGHTEST)).mean(axis=1), 0.0)
+    brightness = np.minimum(colors, BRIGHTEST).mean(axis=1) - GREY
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shares *= np.where((lost > 0) & (brightness > 0), 1.0 + lost / brightness, 1.0)
+    return np.asarray(np.minimum(gaussians.opacities * np.clip(shares, 0.0, MOST_GAIN), 1.0), np.float32)
+
+
+def _scale_steps(scales: F32) -> npt.NDArray[np.uint8]:
+    logs = np.log(np.maximum(scales, np.finfo(np.float32).tiny))
+    steps: npt.NDArray[np.uint8] = np.clip(np.rint((logs + 10) * 16), 0, 255).astype(np.uint8)
+    return steps
 
 
 def _bytes(values: F32) -> bytes:
