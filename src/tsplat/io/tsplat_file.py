@@ -112,9 +112,7 @@ def _checked(mapped: Mapped, means: F32, quats: F32, scales: F32, opacities: F32
         raise CorruptFileError(mapped.path, f"{error}; make the file again with tsplat optimize") from error
 
 
-def write(
-    file: BinaryIO, counts: Counts, antialiased: bool, arrays: Mapping[str, Iterable[Array]]
-) -> None:
+def write(file: BinaryIO, counts: Counts, antialiased: bool, arrays: Mapping[str, Iterable[Array]]) -> None:
     """Write a file, the header last: its checksum is right only when all is there.
 
     Parameters

@@ -67,6 +67,11 @@ class Counts:
         return self.blocks * BLOCK
 
     @property
+    def nbytes(self) -> int:
+        """Bytes of all arrays."""
+        return sum(nbytes_of(*each) for each in self.arrays.values())
+
+    @property
     def arrays(self) -> dict[str, tuple[str, int]]:
         """The dtype and the length of each section's array, flat, in the order of the file."""
         f4, n, some = "<f4", self.splats, self.sampled
@@ -170,7 +175,7 @@ def parse(path: Path, head: bytes, size: int) -> Header:
         raise CorruptFileError(path, "header is not what its checksum says; fetch it again", HEADER.size - 4)
     _expect(path, block == BLOCK, f"has blocks of {block} splats, expected {BLOCK}", 12)
     _expect(path, 1 <= splats <= BLOCK * blocks, f"has {splats} splats in {blocks} blocks, expected 1 or more", 16)
-    _expect(path, coefficients + 1 in SH_COEFFICIENTS, f"has {coefficients} harmonics, expected 0, 3, 8, 15, 24", 32)
+    _expect(path, coefficients + 1 in SH_COEFFICIENTS, f"has {coefficients} harmonics, expected 0 to 24", 32)
     _expect(path, flags <= ANTIALIASED, f"has flags {flags:#x}, expected at most {ANTIALIASED:#x}", 36)
     _expect(path, 1 <= sampled <= splats, f"has {sampled} splats in its sample, expected 1 to {splats}", 40)
     counts = Counts(splats, blocks, coefficients, sampled)
@@ -183,9 +188,9 @@ def _sections(path: Path, head: bytes, counts: Counts, size: int) -> dict[str, S
     for at in range(HEADER.size, len(head), SECTION.size):
         raw, *numbers = SECTION.unpack_from(head, at)
         name, section = raw.rstrip(b"\0").decode("latin-1"), Section(*numbers)
-        where = f"has section {name!r} at byte {section.offset}"
-        _expect(path, section.offset >= end, f"{where}, expected {end} or more", at + 16)
-        _expect(path, section.offset % LEAST_ALIGNMENT == 0, f"{where}, expected a multiple of {LEAST_ALIGNMENT}", at + 16)
+        lies = f"has section {name!r} at byte {section.offset}, expected"
+        _expect(path, section.offset >= end, f"{lies} {end} or more", at + 16)
+        _expect(path, section.offset % LEAST_ALIGNMENT == 0, f"{lies} a multiple of {LEAST_ALIGNMENT}", at + 16)
         end = section.offset + section.nbytes
         _expect(path, end <= size, f"has section {name!r} up to byte {end}, but ends at {size}", at + 24)
         if name in wanted:

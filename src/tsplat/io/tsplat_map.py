@@ -26,6 +26,17 @@ def matches(head: bytes) -> bool:
     return head.startswith(MAGIC)
 
 
+def is_tsplat(path: Path) -> bool:
+    """Tell whether a file is a .tsplat; what cannot be read is none."""
+    try:
+        if not path.is_file():
+            return False
+        with path.open("rb") as file:
+            return matches(file.read(len(MAGIC)))
+    except OSError:
+        return False
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Mapped:
     """An open file.

@@ -54,7 +54,12 @@ _hierarchies: WeakKeyDictionary[Gaussians, Hierarchy] = WeakKeyDictionary()
 _lock = threading.Lock()
 
 
-def hierarchy(gaussians: Gaussians, threads: int, progress: Callable[[float], None] | None = None) -> Hierarchy:
+def hierarchy(
+    gaussians: Gaussians,
+    threads: int,
+    progress: Callable[[float], None] | None = None,
+    earlier: Hierarchy | None = None,
+) -> Hierarchy:
     """Return the hierarchy of a scene; it is built once and goes with the scene.
 
     Parameters
@@ -65,11 +70,14 @@ def hierarchy(gaussians: Gaussians, threads: int, progress: Callable[[float], No
         How many build it.
     progress : callable, optional
         Called with the fraction done.
+    earlier : Hierarchy, optional
+        Of the same scene, to be taken in place of building one.
     """
     with _lock:
         found = _hierarchies.get(gaussians)
         if found is None:
-            found = _hierarchies[gaussians] = build(gaussians, threads, progress or (lambda _: None))
+            found = earlier or build(gaussians, threads, progress or (lambda _: None))
+            _hierarchies[gaussians] = found
         return found
 
 

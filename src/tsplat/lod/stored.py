@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
@@ -10,7 +10,7 @@ from typing import BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from tsplat.errors import CorruptFileError
+from tsplat.errors import CorruptFileError, LoadError
 from tsplat.framing import SAMPLE
 from tsplat.io import tsplat_file
 from tsplat.io.tsplat_header import Counts
@@ -73,7 +73,10 @@ def open_stored(path: Path) -> Stored:
         What its header says contradicts itself or the size of the file. What else is wrong in it is seen in the
         picture; `tsplat.load` and `tsplat info` compare all of it with its checksums.
     """
-    mapped = open_mapped(path)
+    try:
+        mapped = open_mapped(path)
+    except OSError as error:
+        raise LoadError(path, f"cannot be read: {error.strerror or error}; check the path") from error
     counts = mapped.header.counts
     return Stored(tree_of(mapped), tsplat_file.sample(mapped), counts.splats, mapped.header.antialiased)
 
@@ -124,15 +127,21 @@ def store(file: BinaryIO, gaussians: Gaussians, threads: int, progress: Callable
     progress(1.0)
 
 
+def counts_of(gaussians: Gaussians) -> Counts:
+    """Return how much the .tsplat of a scene holds."""
+    n = len(gaussians)
+    sampled = -(-n // (1 + n // SAMPLE))
+    return Counts(n, int(level_firsts(n)[-1]), gaussians.sh.shape[1] - 1, sampled)
+
+
 def write_tree(file: BinaryIO, gaussians: Gaussians, tree: Hierarchy, order: Order) -> None:
     """Write a scene in this order, and its levels of detail, as a .tsplat; see `store`."""
     scene, sampled = tree.scene, slice(None, None, 1 + len(gaussians) // SAMPLE)
-    counts = Counts(len(gaussians), len(scene.blocks), scene.coefficients, len(gaussians.opacities[sampled]))
 
     def ordered(array: Array) -> Iterator[Array]:
         return (array[order[first : first + CHUNK]] for first in range(0, len(order), CHUNK))
 
-    arrays = {
+    arrays: dict[str, Iterable[Array]] = {
         "sample_means": [gaussians.means[sampled]],
         "sample_quats": [gaussians.quats[sampled]],
         "sample_scales": [gaussians.scales[sampled]],
@@ -150,4 +159,4 @@ def write_tree(file: BinaryIO, gaussians: Gaussians, tree: Hierarchy, order: Ord
         "opacities": ordered(gaussians.opacities),
         "sh_first": ordered(gaussians.sh[:, 0]),
     }
-    tsplat_file.write(file, counts, gaussians.antialiased, arrays)
+    tsplat_file.write(file, counts_of(gaussians), gaussians.antialiased, arrays)
