@@ -11,7 +11,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from tsplat.camera import Camera
-from tsplat.drawing import draw_all
 from tsplat.errors import OptionError, TsplatError
 from tsplat.rendering import Rendering, RenderOptions, own_antialias
 from tsplat.scene import Gaussians
@@ -53,6 +52,8 @@ def render(scene: Gaussians | Stored, camera: Camera, *, lod: bool | int = False
     options.setdefault("antialias", own_antialias(scene.antialiased, "classic"))
     chosen = RenderOptions(**options)
     if lod is False:
+        from tsplat.drawing import draw_all
+
         return draw_all(scene, camera, chosen)
     # Brings in Numba, which `import tsplat` should not wait for.
     from tsplat.lod import default_budget, rasterize_within
