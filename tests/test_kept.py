@@ -15,7 +15,7 @@ from tsplat.errors import OptionError
 
 @pytest.fixture(autouse=True)
 def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(kept.platformdirs, "user_cache_dir", lambda name: str(tmp_path / name))
+    monkeypatch.setattr(kept, "folder", lambda: tmp_path / "tsplat" / "hierarchies")
     monkeypatch.setenv(kept.SIZE_VARIABLE, "1e-6")  # a thousand bytes
 
 
@@ -81,7 +81,7 @@ def test_a_bound_that_is_no_size_is_an_error_but_only_where_it_is_asked_for(
 
 def test_a_disk_that_is_nearly_full_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv(kept.SIZE_VARIABLE)
-    monkeypatch.setattr(kept.shutil, "disk_usage", lambda _: type("Usage", (), {"free": 5000}))
+    monkeypatch.setattr("shutil.disk_usage", lambda _: type("Usage", (), {"free": 5000}))
     assert kept.bound() == 1000
     assert kept.keep("a", 900, writing(900))
     assert kept.bound() == 1180  # what is kept could be free
@@ -90,7 +90,7 @@ def test_a_disk_that_is_nearly_full_is_left_alone(monkeypatch: pytest.MonkeyPatc
 
 def test_much_room_is_not_filled(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv(kept.SIZE_VARIABLE)
-    monkeypatch.setattr(kept.shutil, "disk_usage", lambda _: type("Usage", (), {"free": 10**15}))
+    monkeypatch.setattr("shutil.disk_usage", lambda _: type("Usage", (), {"free": 10**15}))
     assert kept.bound() == 8 * 10**9
 
 

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.skipif(not JIT, reason="merging takes long without a co
 
 @pytest.fixture(autouse=True)
 def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(kept.platformdirs, "user_cache_dir", lambda _: str(tmp_path))
+    monkeypatch.setattr(kept, "folder", lambda: tmp_path / "hierarchies")
     monkeypatch.setenv(kept.SIZE_VARIABLE, "2.5")
     monkeypatch.setenv("COLUMNS", "200")
 

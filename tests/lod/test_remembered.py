@@ -24,7 +24,7 @@ N = 3000
 
 @pytest.fixture(autouse=True)
 def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(kept.platformdirs, "user_cache_dir", lambda name: str(tmp_path / name))
+    monkeypatch.setattr(kept, "folder", lambda: tmp_path / "tsplat" / "hierarchies")
     monkeypatch.setattr(remembered, "KEPT_FROM", N)
 
 

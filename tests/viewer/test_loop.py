@@ -329,6 +329,13 @@ class PiecesPainter(FakePainter):
         return b"(abandoned)"
 
 
+@pytest.mark.parametrize(("on_disk", "exact"), [(False, [True]), (True, [False, True])])
+def test_a_scene_on_disk_shows_merged_before_it_is_whole(tmp_path: Path, on_disk: bool, exact: list[bool]) -> None:
+    painter = PiecesPainter()
+    Viewer(FakeTerminal(), painter, a_state(on_disk=on_disk), "tsplat-x", tmp_path).run()
+    assert painter.exact == exact
+
+
 def on_a_slow_link(tmp_path: Path, *batches: Sequence[Event]) -> tuple[Viewer, SlowLink]:
     terminal, painter, pacer = SlowLink([Answered()], *batches), PiecesPainter(), Pacer(remote=True)
     viewer = Viewer(terminal, painter, a_state(), "tsplat-x", tmp_path, pacer)
