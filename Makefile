@@ -17,7 +17,7 @@ test: install-dev
 	$(BIN)/python -m pytest -m 'not e2e'
 	$(BIN)/python -m pytest -m e2e --durations 5
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest $(KERNEL_TESTS)
-	NUMBA_BOUNDSCHECK=1 $(BIN)/python -m pytest $(KERNEL_TESTS) tests/encode tests/edit
+	NUMBA_BOUNDSCHECK=1 $(BIN)/python -m pytest $(KERNEL_TESTS) tests/encode tests/edit tests/lod
 
 check: install-dev
 	$(BIN)/ruff check .

@@ -33,7 +33,7 @@ def render(scene: Gaussians | Stored, camera: Camera, *, lod: bool | int = False
     camera : Camera
         From where, and how large.
     lod : bool or int
-        Draw at most so many splats, merged where that shows least; True means 2.5 for each pixel, False all.
+        Draw about so many splats, merged where that shows least; True means 2.5 for each pixel, False all.
         Levels of detail are built on the first such call, in seconds for millions of splats, and kept.
     **options
         Fields of `RenderOptions`: sh_degree, antialias, background, threads, ... Without ``antialias`` a scene

@@ -139,6 +139,34 @@ def test_looking_at_it_does_not_change_the_file(path: Path) -> None:
     assert path.read_bytes() == before
 
 
+def test_what_was_let_go_is_drawn_again_as_before(path: Path) -> None:
+    fresh = open_stored(path)
+    before = rasterize_all(fresh, CAMERA, OPTIONS)
+    kept = before.colors.copy()
+    fresh.let_go()
+    np.testing.assert_array_equal(rasterize_all(fresh, CAMERA, OPTIONS).colors, kept)
+    np.testing.assert_array_equal(before.colors, kept)
+
+
+def in_memory(path: Path) -> int:
+    """Return how many kilobytes of a file this process holds."""
+    lines = Path("/proc/self/smaps").read_text().splitlines()
+    starts = [number for number, line in enumerate(lines) if line.endswith(str(path))]
+    return sum(int(lines[start + 1 + row].split()[1]) for start in starts for row in range(6)
+               if lines[start + 1 + row].startswith("Rss:"))  # fmt: skip
+
+
+@pytest.mark.skipif(not Path("/proc/self/smaps").exists(), reason="only Linux tells")
+def test_what_was_let_go_is_not_in_memory(path: Path, tmp_path: Path) -> None:
+    own = tmp_path / "own.tsplat"
+    own.write_bytes(path.read_bytes())
+    fresh = open_stored(own)
+    rasterize_all(fresh, CAMERA, OPTIONS)
+    assert in_memory(own) > 500
+    fresh.let_go()
+    assert in_memory(own) == 0
+
+
 @pytest.mark.parametrize("n", [1, 255, 256, 257])
 def test_few_splats_are_stored_as_well(tmp_path: Path, n: int) -> None:
     few = random_gaussians(np.random.default_rng(n), n, 0)

@@ -49,6 +49,11 @@ def test_the_message_stands_at_the_bottom_left() -> None:
     assert display[23].startswith(" saved view-001.png ...")
 
 
+def test_the_badge_says_that_splats_are_merged() -> None:
+    (badge,) = layout(a_state(message=""), Measured(fps=40.0, visible=24_000, detail="merged"))
+    assert badge.text == " 40 fps | 24,000 splats, merged "
+
+
 def test_without_a_panel_or_message_only_the_badge_is_drawn() -> None:
     display = shown(at(80, 24)).display
     assert display[1:] == ["." * 80] * 23

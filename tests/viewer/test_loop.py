@@ -81,6 +81,7 @@ class FakePainter(Painter):
 
     profile = FakeTerminal.profile
     left_behind = b""
+    merges = False
 
     def __init__(self) -> None:
         self.encoder = None
@@ -95,7 +96,7 @@ class FakePainter(Painter):
         self.views.append(state)
         self.exact.append(exact)
         self.choose(state)
-        return Drawn(np.zeros((2, 2, 3), np.uint8), 7, {"project": 1.0}, density, exact)
+        return Drawn(np.zeros((2, 2, 3), np.uint8), 7, {"project": 1.0}, density, exact or not self.merges)
 
     def encode(
         self,
@@ -105,6 +106,9 @@ class FakePainter(Painter):
         fidelity: float = 1.0,  # noqa: ARG002
     ) -> tuple[EncodedFrame, bytes]:
         return EncodedFrame(b"(upload)", f"(draw {state.output})".encode()), painted(spans)
+
+    def detail_status(self, drawn: Drawn) -> str:
+        return "" if drawn.exact else "merged"
 
     def choose(self, state: ViewerState) -> FakeEncoder:  # type: ignore[override]
         self.encoder = FakeEncoder(state.output)  # type: ignore[assignment]
@@ -329,13 +333,6 @@ class PiecesPainter(FakePainter):
         return b"(abandoned)"
 
 
-@pytest.mark.parametrize(("on_disk", "exact"), [(False, [True]), (True, [False, True])])
-def test_a_scene_on_disk_shows_merged_before_it_is_whole(tmp_path: Path, on_disk: bool, exact: list[bool]) -> None:
-    painter = PiecesPainter()
-    Viewer(FakeTerminal(), painter, a_state(on_disk=on_disk), "tsplat-x", tmp_path).run()
-    assert painter.exact == exact
-
-
 def on_a_slow_link(tmp_path: Path, *batches: Sequence[Event]) -> tuple[Viewer, SlowLink]:
     terminal, painter, pacer = SlowLink([Answered()], *batches), PiecesPainter(), Pacer(remote=True)
     viewer = Viewer(terminal, painter, a_state(), "tsplat-x", tmp_path, pacer)
@@ -376,3 +373,35 @@ def test_while_the_view_moves_frames_are_as_good_as_the_link_allows(tmp_path: Pa
     assert viewer.screen is not None
     assert views(viewer)[0] == a_state()
     assert viewer.pacer.quality.density < 1.0
+
+
+class MergingPainter(PiecesPainter):
+    """Says that it merged splats wherever it may."""
+
+    merges = True
+
+
+def test_splats_are_merged_while_the_view_moves_and_all_are_drawn_once_it_rests(tmp_path: Path) -> None:
+    terminal, painter = FakeTerminal([Key("w")]), MergingPainter()
+    viewer = Viewer(terminal, painter, a_state(), "tsplat-x", tmp_path)
+    viewer.run()
+    first, *moving, last = painter.exact
+    assert first
+    assert last
+    assert len(moving) > 2
+    assert not any(moving)
+    assert viewer.screen is not None
+    assert viewer.screen.quality == FULL
+
+
+def test_where_nothing_is_merged_a_view_that_rests_is_not_drawn_again(tmp_path: Path) -> None:
+    viewer, terminal = run(tmp_path, [Key("w")])
+    assert not any(b"piece" in written for written in terminal.written)
+    assert len(views(viewer)) == len(terminal.written)
+
+
+@pytest.mark.parametrize(("on_disk", "exact"), [(False, [True]), (True, [False, True])])
+def test_a_scene_on_disk_shows_merged_before_it_is_whole(tmp_path: Path, on_disk: bool, exact: list[bool]) -> None:
+    painter = MergingPainter()
+    Viewer(FakeTerminal(), painter, a_state(on_disk=on_disk), "tsplat-x", tmp_path).run()
+    assert painter.exact == exact

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tsplat.errors import OptionError
+from tsplat.rotations import quat_products, rotations_of
 from tsplat.scene import Gaussians
 from tsplat.sh_rotation import rotate_sh
 
@@ -37,7 +38,7 @@ def rotate(gaussians: Gaussians, degrees: Sequence[float]) -> Gaussians:
         In the same order.
     """
     quat = euler_quat(degrees)
-    rotation = rotation_matrix(quat)
+    rotation = rotations_of(quat[None])[0]
     quats = quat_products(quat, gaussians.quats)
     return replace(
         gaussians,
@@ -73,17 +74,3 @@ def euler_quat(degrees: Sequence[float]) -> F64:
         turn[0], turn[1 + axis] = math.cos(math.radians(angle) / 2), math.sin(math.radians(angle) / 2)
         quat = quat_products(turn, quat[None])[0]
     return quat
-
-
-def rotation_matrix(quat: F64) -> F64:
-    """Return the rotation [3, 3] that a unit quat ``wxyz`` stands for."""
-    w, x, y, z = quat
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.asarray(np.eye(3) + 2.0 * w * cross + 2.0 * cross @ cross)
-
-
-def quat_products(left: F64, rights: npt.NDArray[np.floating]) -> F64:
-    """Return the quats [N, 4] of first turning by each of ``rights``, then by ``left``."""
-    w, x, y, z = left
-    by_left = np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
-    return np.asarray(rights @ by_left.T)

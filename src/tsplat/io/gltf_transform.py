@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tsplat.io.gltf_splats import Arrays
+from tsplat.rotations import quat_products, quats_of, rotations_of
 from tsplat.sh_rotation import rotate_sh
 
 F32 = npt.NDArray[np.float32]
@@ -39,47 +40,16 @@ def move(splats: Arrays, matrix: F64) -> None:
     left, stretches, right = np.linalg.svd(linear)
     nearest = left @ right
     even = stretches[0] - stretches[2] <= EVEN * stretches[0]
-    turn = _multiplier(quats_of((nearest * np.sign(np.linalg.det(nearest)))[None])[0])
+    turn = quats_of((nearest * np.sign(np.linalg.det(nearest)))[None])[0]
     for first in range(0, len(splats.means), CHUNK):
         part = Arrays(*(each[first : first + CHUNK] for each in splats))
         part.means[:] = part.means @ linear.T + offset
         part.sh[:] = rotate_sh(part.sh, nearest)
         if even:
-            part.quats[:] = part.quats @ turn.T
+            part.quats[:] = quat_products(turn, part.quats)
             part.scales[:] *= stretches.mean()
         else:
             _deform(part.quats, part.scales, linear)
-
-
-def quats_of(rotations: F64) -> F64:
-    """Return unit quats ``wxyz`` [N, 4] of rotations [N, 3, 3]."""
-    (a, b, c), (d, e, f), (g, h, i) = rotations.transpose(1, 2, 0)
-    # Four times the outer product of the quat with itself: its longest row is the most exact.
-    outer = np.array(
-        [
-            [1 + a + e + i, h - f, c - g, d - b],
-            [h - f, 1 + a - e - i, b + d, c + g],
-            [c - g, b + d, 1 - a + e - i, f + h],
-            [d - b, c + g, f + h, 1 - a - e + i],
-        ]
-    )
-    longest = np.einsum("iin->in", outer).argmax(axis=0)
-    rows = outer[longest, :, np.arange(len(longest))]
-    return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
-
-
-def rotations_of(quats: npt.NDArray[np.floating]) -> F64:
-    """Return the rotations [N, 3, 3] of quats ``wxyz`` of length 1."""
-    w, x, y, z = np.asarray(quats, np.float64).T
-    zero = np.zeros_like(w)
-    cross = np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]).transpose(2, 0, 1)
-    return np.asarray(np.eye(3) + 2.0 * (w[:, None, None] * cross + cross @ cross))
-
-
-def _multiplier(quat: F64) -> F32:
-    """Return the matrix [4, 4] that multiplies a quat by this one from the left."""
-    w, x, y, z = quat
-    return np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]], np.float32)
 
 
 def _deform(quats: F32, scales: F32, linear: F64) -> None:

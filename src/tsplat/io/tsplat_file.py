@@ -68,7 +68,7 @@ def sample(mapped: Mapped) -> Gaussians:
     CorruptFileError
         They are not what their checksums say, or form no scene.
     """
-    names = ("sample_means", "sample_quats", "sample_scales", "sample_opacity")
+    names = ("sample_means", "sample_quats", "sample_scales", "sample_opacities")
     for name in names:
         mapped.check(name)
     means, quats, scales, opacities = (mapped.arrays[name].copy() for name in names)

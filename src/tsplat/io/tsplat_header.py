@@ -79,7 +79,7 @@ class Counts:
             "sample_means": (f4, 3 * some),
             "sample_quats": (f4, 4 * some),
             "sample_scales": (f4, 3 * some),
-            "sample_opacity": (f4, some),
+            "sample_opacities": (f4, some),
             "bounds": (f4, 5 * self.blocks),
             "sizes": (f4, self.blocks),
             "errors": (f4, self.blocks),

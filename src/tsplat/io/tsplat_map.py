@@ -50,11 +50,19 @@ class Mapped:
     arrays : dict of str to ndarray
         Flat, by the names of their sections. They say that they may be written, for kernels are compiled for
         arrays of which that is true; whoever does so ends the process.
+    memory : mmap
+        What they lie in.
     """
 
     path: Path
     header: Header
     arrays: dict[str, Array]
+    memory: mmap.mmap
+
+    def let_go(self) -> None:
+        """Hold nothing that was read so far in memory; what is looked at again is read again."""
+        if hasattr(mmap, "MADV_DONTNEED"):
+            self.memory.madvise(mmap.MADV_DONTNEED)
 
     def check(self, name: str, progress: Callable[[int], None] = lambda _: None) -> None:
         """Read a section, and compare it with its checksum; ``progress`` hears how many bytes were read.
@@ -92,13 +100,13 @@ def open_mapped(path: Path) -> Mapped:
     with path.open("rb") as file:
         size = os.fstat(file.fileno()).st_size
         header = parse(path, file.read(header_bytes(MOST_SECTIONS)), size)
-        memory = np.frombuffer(_mapped(path, file, size), np.uint8)
-    arrays = {}
+        memory = _mapped(path, file, size)
+    raw, arrays = np.frombuffer(memory, np.uint8), {}
     for name, (dtype, _) in header.counts.arrays.items():
         section = header.sections[name]
-        part = memory[section.offset : section.offset + section.nbytes].view(np.dtype(dtype).newbyteorder("="))
+        part = raw[section.offset : section.offset + section.nbytes].view(np.dtype(dtype).newbyteorder("="))
         arrays[name] = np.asarray(_Writable(part))
-    return Mapped(path, header, arrays)
+    return Mapped(path, header, arrays, memory)
 
 
 def _mapped(path: Path, file: BinaryIO, size: int) -> mmap.mmap:

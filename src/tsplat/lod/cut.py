@@ -17,7 +17,7 @@ from tsplat.camera import Camera
 from tsplat.lod.hierarchy import Hierarchy
 from tsplat.raster.frame import camera_numbers
 from tsplat.raster.prepare import BLOCK, BOUNDS
-from tsplat.raster.sight import in_sight
+from tsplat.raster.sight import in_sight, share_in_sight
 from tsplat.rendering import RenderOptions
 
 F32 = npt.NDArray[np.float32]
@@ -59,7 +59,7 @@ class Cut:
         options : RenderOptions
             How.
         budget : int
-            At most so many splats, though never less than one block.
+            About so many splats in sight, though never less than one block.
         """
         tree = self._tree
         most = max(1, budget // BLOCK)
@@ -87,24 +87,29 @@ class _Job(NamedTuple):
 
 @kernel
 def _choose(job, chosen):
-    """Fill ``chosen`` and return how many blocks it is; those that lose most are taken apart first."""
-    count, waiting = 0, 0
+    """Fill ``chosen`` and return how many blocks it is; those that lose most are taken apart first.
+
+    Of a block half out of sight, half counts.
+    """
+    count, waiting, spent = 0, 0, np.float32(0.0)
     root = job.firsts[-1] - 1
     if in_sight(root, job.numbers, job.bounds):
         waiting = _push(job.queue, waiting, _key(root, job))
+        spent = share_in_sight(root, job.numbers, job.bounds)
     while waiting > 0:
         key = job.queue[0]
         waiting = _drop_first(job.queue, waiting)
         block = np.int64(key & LOW_WORD)
         child, last = _children(block, job.firsts)
-        seen = np.int64(0)
+        after = spent - share_in_sight(block, job.numbers, job.bounds)
         for other in range(child, last):
-            seen += np.int64(in_sight(other, job.numbers, job.bounds))
-        if child == last or (seen > 1 and count + waiting + seen > job.most):
+            if in_sight(other, job.numbers, job.bounds):
+                after += share_in_sight(other, job.numbers, job.bounds)
+        if child == last or (after > spent and after > job.most):
             chosen[count], job.apart[block] = block, 0
             count += 1
             continue
-        job.apart[block] = 1
+        job.apart[block], spent = 1, after
         for other in range(child, last):
             if in_sight(other, job.numbers, job.bounds):
                 waiting = _push(job.queue, waiting, _key(other, job))

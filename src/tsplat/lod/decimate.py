@@ -11,6 +11,7 @@ from tsplat.errors import OptionError
 from tsplat.lod.kd import kd_order
 from tsplat.lod.levels import Level, coarser, finest
 from tsplat.rendering import available_processors
+from tsplat.rotations import quats_of
 from tsplat.scene import Gaussians
 
 F32 = npt.NDArray[np.float32]
@@ -87,21 +88,4 @@ def principal_axes(covars: F32) -> tuple[F64, F64]:
     full = covars.astype(np.float64)[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3)
     variances, axes = np.linalg.eigh(full)
     axes *= np.sign(np.linalg.det(axes))[:, None, None]  # a rotation, no mirror
-    return _quats_of(axes), np.sqrt(np.maximum(variances, 0.0))
-
-
-def _quats_of(rotations: F64) -> F64:
-    """Return the quats of rotation matrices [N, 3, 3].
-
-    Source: Bar-Itzhack 2000, *New method for extracting the quaternion from a rotation matrix*: the eigenvector of
-    the largest eigenvalue of a symmetric matrix, which is right for every angle.
-    """
-    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotations.transpose(1, 2, 0)
-    upper = np.stack([
-        xx + yy + zz, zy - yz, xz - zx, yx - xy,
-        zy - yz, xx - yy - zz, xy + yx, xz + zx,
-        xz - zx, xy + yx, yy - xx - zz, yz + zy,
-        yx - xy, xz + zx, yz + zy, zz - xx - yy,
-    ], -1)  # fmt: skip
-    quats: F64 = np.linalg.eigh(upper.reshape(-1, 4, 4))[1][:, :, 3]
-    return quats
+    return quats_of(axes), np.sqrt(np.maximum(variances, 0.0))

@@ -13,8 +13,8 @@ from tsplat.scene import Gaussians
 SPLATS_A_PIXEL = 2.5
 """Splats drawn for each pixel where nobody says how many: more of them are hardly seen."""
 
-LEAST_BUDGET = 20_000
-"""Splats that even the smallest picture gets: a few milliseconds."""
+LEAST_BUDGET, LARGEST_BUDGET = 20_000, 500_000
+"""Splats that even the smallest picture gets, a few milliseconds, and that even the largest does."""
 
 
 def rasterize_all(scene: Gaussians | Stored, camera: Camera, options: RenderOptions) -> Rendering:
@@ -27,7 +27,7 @@ def rasterize_all(scene: Gaussians | Stored, camera: Camera, options: RenderOpti
 def rasterize_within(
     scene: Gaussians | Stored, camera: Camera, options: RenderOptions, budget: int, cut: Cut | None = None
 ) -> Rendering:
-    """Draw a scene with at most so many splats, merged where that shows least.
+    """Draw a scene with about so many splats in sight, merged where that shows least.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def rasterize_within(
     options : RenderOptions
         How.
     budget : int
-        At most so many splats, though never fewer than 256; a scene of no more is drawn as it is.
+        About so many splats in sight, though never fewer than 256; a scene of no more is drawn as it is.
     cut : Cut, optional
         What chose the splats of the last frame, so that nothing flickers between two levels.
 
@@ -56,4 +56,5 @@ def rasterize_within(
 
 def default_budget(camera: Camera) -> int:
     """Return how many splats a picture of this size gets where nobody says how many."""
-    return max(LEAST_BUDGET, round(SPLATS_A_PIXEL * camera.width * camera.height))
+    wanted = round(SPLATS_A_PIXEL * camera.width * camera.height)
+    return min(max(LEAST_BUDGET, wanted), LARGEST_BUDGET)

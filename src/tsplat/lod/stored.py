@@ -17,6 +17,7 @@ from tsplat.io.tsplat_header import Counts
 from tsplat.io.tsplat_map import Array, Mapped, open_mapped
 from tsplat.lod.hierarchy import Hierarchy, build, level_firsts
 from tsplat.lod.kd import Order, kd_order
+from tsplat.raster.buffers import Buffers
 from tsplat.raster.prepare import Prepared
 from tsplat.scene import SH_COEFFICIENTS, Gaussians
 
@@ -41,12 +42,15 @@ class Stored:
         In the scene.
     antialiased : bool
         As in `Gaussians`.
+    mapped : Mapped
+        The file.
     """
 
     tree: Hierarchy
     sample: Gaussians
     splats: int
     antialiased: bool
+    mapped: Mapped
 
     def __len__(self) -> int:
         return self.splats
@@ -60,6 +64,13 @@ class Stored:
     def finest(self) -> npt.NDArray[np.int32]:
         """The blocks of the finest level, which are the scene itself."""
         return self.tree.scene.blocks[: self.tree.firsts[1]]
+
+    def let_go(self) -> None:
+        """Hold neither what was read so far nor what frames share: the next one is slower, the process small."""
+        scene = self.tree.scene
+        with scene.lock:
+            scene.buffers, scene.last_frame, scene.last_size = Buffers(), None, ()
+        self.mapped.let_go()
 
 
 def open_stored(path: Path) -> Stored:
@@ -78,7 +89,7 @@ def open_stored(path: Path) -> Stored:
     except OSError as error:
         raise LoadError(path, f"cannot be read: {error.strerror or error}; check the path") from error
     counts = mapped.header.counts
-    return Stored(tree_of(mapped), tsplat_file.sample(mapped), counts.splats, mapped.header.antialiased)
+    return Stored(tree_of(mapped), tsplat_file.sample(mapped), counts.splats, mapped.header.antialiased, mapped)
 
 
 def tree_of(mapped: Mapped) -> Hierarchy:
@@ -145,7 +156,7 @@ def write_tree(file: BinaryIO, gaussians: Gaussians, tree: Hierarchy, order: Ord
         "sample_means": [gaussians.means[sampled]],
         "sample_quats": [gaussians.quats[sampled]],
         "sample_scales": [gaussians.scales[sampled]],
-        "sample_opacity": [gaussians.opacities[sampled]],
+        "sample_opacities": [gaussians.opacities[sampled]],
         "bounds": [scene.bounds],
         "sizes": [tree.sizes],
         "errors": [tree.errors],

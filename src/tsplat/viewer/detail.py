@@ -19,7 +19,7 @@ class Detail:
     Parameters
     ----------
     scene : Gaussians or Stored
-        The scene; the levels of one that is on disk are there from the start.
+        The scene; the levels of one on disk are there from the start.
     budget : int, optional
         How many splats a frame gets while the view moves; by default some for each pixel, 0 for all.
     """
@@ -27,20 +27,16 @@ class Detail:
     def __init__(self, scene: Gaussians | Stored, budget: int | None = None) -> None:
         self.scene, self._budget = scene, budget
         self._cut = None if isinstance(scene, Gaussians) else _new_cut(scene.tree)
+        self._first: Camera
         self.done = 0.0
         """How far building is, 0 to 1."""
         # A daemon, so that quitting does not wait.
         self._thread = threading.Thread(target=self._build, name="tsplat-detail", daemon=True)
 
-    @property
-    def ready(self) -> bool:
-        """Whether there are levels to be drawn."""
-        return self._cut is not None
-
-    def warm_up(self, camera: Camera, options: RenderOptions) -> None:
-        """Make the kernels ready that choose what to draw, where they are going to be needed at once."""
+    def warm_up(self, camera: Camera) -> None:
+        """Make the kernels ready that choose what to draw, where the first frame is going to need them."""
         if self._cut:
-            self._cut.blocks(camera, options, 0)
+            self._cut.blocks(camera, RenderOptions(), 1)
 
     def budget(self, camera: Camera) -> int:
         """Return how many splats a frame of this size gets."""
@@ -52,9 +48,16 @@ class Detail:
         """Tell whether a frame would be drawn with fewer splats; start building where that is not known yet."""
         if scene is not self.scene or len(scene) <= self.budget(camera):
             return False
-        if not self.ready and self._thread.ident is None:
+        if self._cut is None and self._thread.ident is None:
+            self._first = camera
             self._thread.start()
-        return self.ready
+        return self._cut is not None
+
+    def status(self, exact: bool) -> str:
+        """Return what is said of the splats of a frame that was drawn, exactly or not."""
+        if self._cut is None and self._thread.ident is not None:
+            return f"building levels {100.0 * self.done:.0f} %"
+        return "" if exact else "merged"
 
     def draw(self, camera: Camera, options: RenderOptions) -> Rendering:
         """Draw within the budget, as `helps` said it would help."""
@@ -70,7 +73,9 @@ class Detail:
         earlier = recall(self.scene)
         # One thread: those of the frames are not waited for, nor kept waiting.
         tree = hierarchy(self.scene, 1, self._progress, earlier)
-        self._cut = _new_cut(tree)
+        cut = _new_cut(tree)
+        cut.blocks(self._first, RenderOptions(), 1)  # no frame should wait for the kernel
+        self._cut = cut
         if earlier is None:
             keep(self.scene, tree)
 

@@ -36,6 +36,8 @@ class Measured:
         What the terminal calls itself.
     protocol : str
         What was detected of it.
+    detail : str
+        What there is to say of these splats: that some are merged, or will be; often nothing.
     """
 
     fps: float = 0.0
@@ -45,6 +47,7 @@ class Measured:
     stage_ms: Mapping[str, float] = field(default_factory=dict)
     terminal: str = ""
     protocol: str = ""
+    detail: str = ""
 
 
 def layout(state: ViewerState, measured: Measured) -> list[Span]:
@@ -67,7 +70,8 @@ def layout(state: ViewerState, measured: Measured) -> list[Span]:
 
 def _badge(measured: Measured) -> str:
     fps = f"{measured.fps:.0f}" if measured.fps >= 9.5 else f"{measured.fps:.1f}"
-    return f" {fps} fps | {measured.visible:,} splats "
+    detail = f", {measured.detail}" if measured.detail else ""
+    return f" {fps} fps | {measured.visible:,} splats{detail} "
 
 
 def hud_spans(state: ViewerState, measured: Measured) -> list[Span]:

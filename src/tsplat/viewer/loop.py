@@ -286,6 +286,7 @@ class Viewer:
             stage_ms=drawn.stage_ms | self.last_ms,
             terminal=f"{profile.program} {profile.version}".strip(),
             protocol=detected(profile),
+            detail=self.painter.detail_status(drawn),
         )
 
     def warm_up(self) -> None:

@@ -15,6 +15,7 @@ from tsplat.drawing import draw_all
 from tsplat.encode import FALLBACK_CELL, EncodedFrame, Encoder, encoder
 from tsplat.encode.pieces import pieces
 from tsplat.rendering import Rendering
+from tsplat.scene import Gaussians
 from tsplat.terminal.keys import TerminalSize
 from tsplat.terminal.pacing import LADDER
 from tsplat.terminal.probe import TRUECOLOR, Profile
@@ -76,7 +77,7 @@ class Painter:
         """Make the kernels ready that drawing and encoding this state needs; may run on any thread."""
         chosen = self.new_encoder(state)  # not the one that remembers what is on screen
         draw_tiny(replace(state.options, depths=False))
-        self.detail.warm_up(view_camera(state, SIDE, SIDE), state.options)
+        self.detail.warm_up(view_camera(state, SIDE, SIDE))
         for chosen.fidelity in (1.0, LEAST_FIDELITY):  # what is left out takes kernels of its own
             chosen.encode(np.zeros((SIDE, SIDE, 3), np.uint8), 4, 2, FALLBACK_CELL)
         chosen.clear()
@@ -90,13 +91,18 @@ class Painter:
         size = frame_size(sparse, self.choose(state))
         scene = self.scenes.variant(state.kept, state.raw_opacity)
         camera = view_camera(state, *size)
-        exact = exact or not self.detail.helps(scene, camera)
+        # Asked for an exact frame as well: levels are best begun with the first.
+        exact = not self.detail.helps(scene, camera) or exact
         if exact:
             rendering = self.render(state, *size)
         else:
             rendering = self.detail.draw(camera, replace(state.options, depths=False))
         frame = images.quantize(saturated(rendering.colors, state.saturation))
         return Drawn(frame, rendering.visible, rendering.stage_ms, density, exact)
+
+    def detail_status(self, drawn: Drawn) -> str:
+        """Return what there is to say of the splats of a frame, often nothing."""
+        return self.detail.status(drawn.exact)
 
     def encode(
         self, state: ViewerState, frame: U8, spans: Sequence[Span], fidelity: float = 1.0
@@ -167,7 +173,10 @@ class Painter:
     def render(self, state: ViewerState, width: int, height: int) -> Rendering:
         """Render the state's view at a size in pixels."""
         scene = self.scenes.variant(state.kept, state.raw_opacity)
-        return draw_all(scene, view_camera(state, width, height), replace(state.options, depths=False))
+        rendering = draw_all(scene, view_camera(state, width, height), replace(state.options, depths=False))
+        if not isinstance(scene, Gaussians):
+            scene.let_go()  # all of it was read, and may be more than there is memory
+        return rendering
 
     def save(self, state: ViewerState, path: Path) -> Path:
         """Save the view as a picture of at least 1920 pixels.
