@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import struct
 import zlib
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,8 @@ import numpy as np
 import pytest
 
 from tests.scenes import random_gaussians
-from tsplat.errors import CorruptFileError, LoadError
-from tsplat.io import load
+from tsplat.errors import CorruptFileError, LoadError, SaveError
+from tsplat.io import load, save
 from tsplat.io.tsplat_file import write
 from tsplat.io.tsplat_header import HEADER, SECTION, Counts, Header, packed, parse
 from tsplat.io.tsplat_map import is_tsplat, open_mapped
@@ -190,6 +191,25 @@ def test_a_header_that_lies_is_refused(
     with pytest.raises(CorruptFileError, match=words) as caught:
         open_mapped(path)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("seed", range(150))
+def test_no_header_is_believed_whatever_it_says(path: Path, whole: bytes, seed: int) -> None:
+    rng, raw = np.random.default_rng(seed), bytearray(whole)
+    for _ in range(rng.integers(1, 4)):
+        at = int(rng.integers(8, 704 // 4)) * 4
+        raw[at : at + 4] = struct.pack("<I", rng.choice([0, 1, 64, 2**31, 2**32 - 1, int(rng.integers(2**32))]))
+    path.write_bytes(with_right_checksum(bytes(raw)) if struct.unpack_from("<I", raw, 44)[0] < 65 else raw)
+    with suppress(LoadError):
+        for name, array in open_mapped(path).arrays.items():
+            assert array.nbytes == open_mapped(path).header.sections[name].nbytes
+            array.tobytes()
+        load(path)
+
+
+def test_saving_says_what_writes_it(tmp_path: Path) -> None:
+    with pytest.raises(SaveError, match="tsplat optimize writes it"):
+        save(tmp_path / "x.tsplat", random_gaussians(np.random.default_rng(1), 3))
 
 
 def test_sections_that_nobody_knows_are_passed_over(path: Path, whole: bytes) -> None:
