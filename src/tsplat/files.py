@@ -15,7 +15,6 @@ from typing import BinaryIO
 
 from tsplat.errors import SaveError, TsplatError
 
-
 _unfinished: set[Path] = set()
 """What a daemon thread may still be writing when the process ends."""
 
