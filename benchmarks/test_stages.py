@@ -13,9 +13,10 @@ from pytest_benchmark.fixture import BenchmarkFixture
 
 from tsplat.bench.views import View, camera_path
 from tsplat.io import demo_path, load
+from tsplat.processors import available_processors
 from tsplat.raster import rasterize
 from tsplat.raster.frame import STAGES
-from tsplat.rendering import RenderOptions, available_processors
+from tsplat.rendering import RenderOptions
 from tsplat.scene import Gaussians
 
 SIZES = (240, 160), (1280, 720)

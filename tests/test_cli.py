@@ -8,6 +8,7 @@ import os
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -190,6 +191,66 @@ def test_the_training_focal_matters_to_relative_alone(scene: Path, tmp_path: Pat
 
     assert np.array_equal(at("classic", 20), at("classic", 2000))
     assert not np.array_equal(at("relative", 20), at("relative", 2000))
+
+
+FRAME = {"position": [0, 0, 0], "rotation": np.eye(3).tolist(), "width": 8, "height": 6, "fx": 90, "fy": 90}
+LISTS = {
+    "cameras.json": [FRAME],
+    "transforms.json": {"fl_x": 90, "w": 8, "frames": [{}]},
+    "transforms_train.json": {"camera_angle_x": 2 * np.arctan(4 / 90), "w": 8, "frames": [{}]},
+}
+
+
+@pytest.mark.parametrize("name", LISTS)
+def test_render_is_relative_where_the_training_focal_lies_beside_the_scene(
+    scene: Path, tmp_path: Path, name: str
+) -> None:
+    copy = tmp_path / "inner" / "cloud.ply"
+    copy.parent.mkdir()
+    copy.write_bytes(scene.read_bytes())
+    classic = rendered(copy, tmp_path)
+    assert np.array_equal(classic, rendered(copy, tmp_path, "--antialias", "classic"))
+    (tmp_path / name).write_text(json.dumps(LISTS[name]))
+    relative = rendered(copy, tmp_path)
+    told = rendered(copy, tmp_path, "--antialias", "relative", "--train-focal", 90)
+    np.testing.assert_allclose(relative, told, atol=1e-5)
+    assert not np.array_equal(relative, classic)
+    assert np.array_equal(classic, rendered(copy, tmp_path, "--antialias", "classic"))
+
+
+def test_render_is_relative_where_the_training_focal_is_told(scene: Path, tmp_path: Path) -> None:
+    told = rendered(scene, tmp_path, "--train-focal", 90)
+    assert np.array_equal(told, rendered(scene, tmp_path, "--antialias", "relative", "--train-focal", 90))
+    assert not np.array_equal(told, rendered(scene, tmp_path))
+
+
+def test_a_scene_trained_with_antialiasing_is_drawn_its_own_way(scene: Path, tmp_path: Path) -> None:
+    own = save(tmp_path / "own.ply", replace(load(scene), antialiased=True))
+    mip = rendered(own, tmp_path, "--antialias", "mip")
+    assert np.array_equal(mip, rendered(own, tmp_path))
+    assert np.array_equal(mip, rendered(own, tmp_path, "--train-focal", 90))
+    assert not np.array_equal(mip, rendered(scene, tmp_path))
+
+
+def test_a_broken_list_beside_a_scene_is_one_line_of_warning(
+    capsys: pytest.CaptureFixture[str], scene: Path, tmp_path: Path
+) -> None:
+    copy = tmp_path / "cloud.ply"
+    copy.write_bytes(scene.read_bytes())
+    (tmp_path / "transforms.json").write_text("{}")
+    classic = rendered(copy, tmp_path)
+    err = capsys.readouterr().err
+    assert err.startswith("tsplat: warning: ")
+    assert err.count("\n") == 1
+    assert np.array_equal(classic, rendered(scene, tmp_path))
+
+
+def test_a_printed_picture_is_relative_to_a_guess_where_no_focal_is_known(scene: Path) -> None:
+    guessed, told, classic = (
+        process(scene, *args).stdout
+        for args in ((), ("--antialias", "relative", "--train-focal", 1100), ("--antialias", "classic"))
+    )
+    assert guessed == told != classic
 
 
 def test_a_picture_of_an_empty_scene_is_no_error(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from tests.raster.compare import front_camera
 from tests.scenes import random_gaussians
 from tsplat import images
 from tsplat.errors import OptionError, SaveError
-from tsplat.rendering import BOX_VARIANCE, EPS2D, Rendering, RenderOptions
+from tsplat.rendering import BOX_VARIANCE, EPS2D, SOFTENING, Rendering, RenderOptions
 
 
 @pytest.mark.parametrize(
@@ -45,6 +45,12 @@ def test_relative_dilates_with_the_image_and_adds_the_box_it_grew_by() -> None:
     assert RenderOptions(antialias="relative", train_focal=200.0).filter2d(200.0) == (EPS2D, EPS2D)
     double = RenderOptions(antialias="relative", train_focal=200.0).filter2d(400.0)
     assert double == pytest.approx((4 * EPS2D, 4 * EPS2D))
+
+
+def test_relative_softens_images_as_far_as_they_are_smaller_and_no_other_mode_does() -> None:
+    relative = RenderOptions(antialias="relative", train_focal=200.0)
+    assert [relative.softening(focal) for focal in (100.0, 200.0, 400.0)] == [0.75**0.5 * SOFTENING, 0.0, 0.0]
+    assert {RenderOptions(antialias=mode).softening(1.0) for mode in ("classic", "mip")} == {0.0}
 
 
 def test_classic_keeps_opacities_and_mip_compensates_for_all_it_adds() -> None:

@@ -106,7 +106,7 @@ def view(scene: str, output: str | None, up: Vector | None, fov_y: float, latenc
     warm_up = WarmUp()
     how = reading(options)
     gaussians = open_scene(scene, how, warm_up)
-    chosen = render_options(scene, gaussians, "relative", options)
+    chosen = render_options(scene, gaussians, options)
     if printing:
         wait_for_kernels(warm_up)
         return _print_frame(gaussians, chosen, output or "half", _printed_size(width, height), fov_y=fov_y, up=up)
@@ -136,7 +136,7 @@ def render(scene: str, output: str, width: int, height: int, **options: Any) -> 
     view = {name: options.pop(name) for name in ("eye", "target", "up", "fov_y")}
     warm_up = WarmUp()
     gaussians = open_scene(scene, reading(options), warm_up)
-    chosen = render_options(scene, gaussians, "classic", options)
+    chosen = render_options(scene, gaussians, options, "classic")
     camera = _camera(gaussians, width, height, **view)
     wait_for_kernels(warm_up)
     rendering = draw_all(gaussians, camera, chosen)

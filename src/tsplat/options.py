@@ -12,7 +12,7 @@ import rich_click as click
 from tsplat.arguments import BACKGROUND, LEVEL, UP, scene_source
 from tsplat.files import tidy_end
 from tsplat.progress import loading
-from tsplat.rendering import ANTIALIAS, TRAIN_FOCAL_GUESS, Antialias, RenderOptions, own_antialias
+from tsplat.rendering import ANTIALIAS, TRAIN_FOCAL_GUESS, Antialias, RenderOptions
 from tsplat.warmup import WarmUp
 
 if TYPE_CHECKING:
@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 
 ANTIALIAS_HELP = (
     "How splats meet pixels: classic as in training, mip with opacities compensated, "
-    "relative to the training pictures. [the scene's own, else render: classic, view and record: relative]"
+    "relative to the size of the training pictures. [the scene's own, else relative; render: classic where no "
+    "focal length is known]"
 )
 FOV_Y = 55.0
 
@@ -50,7 +51,7 @@ def shared(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
                               show_default=True, metavar="DEGREES", help="Vertical field of view."),
         "train-focal": click.option("--train-focal", type=click.FloatRange(0, min_open=True), metavar="PIXELS",
                                     help="Focal length of the training pictures, for --antialias relative. "
-                                    "[cameras.json beside the scene, else 1100]"),
+                                    "[cameras.json or transforms.json beside the scene, else 1100]"),
         "background": click.option("--background", type=BACKGROUND, default="black", show_default=True,
                                    help="black, white, #rrggbb, or three numbers from 0 to 1."),
     }  # fmt: skip
@@ -104,16 +105,20 @@ def loaded_scene(
 
 
 def render_options(
-    scene: str, gaussians: Gaussians | Stored, antialias: Antialias, options: dict[str, Any]
+    scene: str, gaussians: Gaussians | Stored, options: dict[str, Any], otherwise: Antialias = "relative"
 ) -> RenderOptions:
-    """Return the options, a scene's own antialiasing before ``antialias``.
+    """Return the options; where nobody said how to antialias, a scene's own way comes first.
 
-    Training cameras beside the scene say what `relative` is relative to.
+    Then comes `relative` wherever a focal length of the training images is given, or known by the files beside the
+    scene; ``otherwise`` where it is neither, with `TRAIN_FOCAL_GUESS` for one.
     """
-    options["antialias"] = options["antialias"] or own_antialias(gaussians.antialiased, antialias)
-    if options["train_focal"] is None:
+    antialias, focal = options["antialias"], options["train_focal"]
+    if antialias is None and gaussians.antialiased:
+        antialias = "mip"
+    if focal is None and antialias in (None, "relative"):
         from tsplat.io import train_focal_beside
 
-        wanted = options["antialias"] == "relative"
-        options["train_focal"] = (wanted and train_focal_beside(scene_source(scene))) or TRAIN_FOCAL_GUESS
+        focal = train_focal_beside(scene_source(scene))
+    options["antialias"] = antialias or ("relative" if focal else otherwise)
+    options["train_focal"] = focal or TRAIN_FOCAL_GUESS
     return RenderOptions(depths=False, **options)

@@ -6,7 +6,6 @@ Sources: Kerbl et al. 2023, *3D Gaussian Splatting*; gsplat 1.5, whose classic m
 from __future__ import annotations
 
 import math
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, get_args
@@ -16,6 +15,7 @@ import numpy.typing as npt
 
 from tsplat import images
 from tsplat.errors import OptionError
+from tsplat.processors import available_processors
 
 F32 = npt.NDArray[np.float32]
 U8 = npt.NDArray[np.uint8]
@@ -43,6 +43,10 @@ EPS2D = 0.3
 BOX_VARIANCE = 1.0 / 12.0
 """Variance in pixels squared of the pixel's own box filter."""
 
+SOFTENING = 0.1
+"""Variance in pixels squared that ``relative`` blurs small images by: splats blended at the middle of a pixel
+stand for all of it too hard, as opacities saturate. By photographs and by what shimmers: docs/quality.md."""
+
 JACOBIAN_LIMIT = 1.3
 """The projection is linearised at most this many half fields of view off the axis: beyond, it explodes."""
 
@@ -69,8 +73,8 @@ class RenderOptions:
         Highest degree of spherical harmonics used, 0 to 4; a scene with fewer uses what it has.
     antialias : {"classic", "mip", "relative"}
         ``classic`` dilates by ``eps2d`` pixels squared. ``mip`` does the same and compensates the
-        opacity. ``relative`` scales the dilation with the image against the training images and
-        adds the pixel's box filter.
+        opacity. ``relative`` scales the dilation with the image against the training images, adds
+        the pixel's box filter, and softens what it has blended, as far as the image is smaller.
     background : tuple of 3 floats
         Colour behind everything, usually 0 to 1.
     threads : int
@@ -147,9 +151,21 @@ class RenderOptions:
             return self.eps2d, self.eps2d
         if self.antialias == "mip":
             return self.eps2d, 0.0
-        q = (focal / self.train_focal) ** 2
-        dilation = self.eps2d * q
-        return dilation + max(0.0, 1.0 - q) * BOX_VARIANCE, dilation
+        dilation = self.eps2d * (focal / self.train_focal) ** 2
+        return dilation + self._smaller(focal) * BOX_VARIANCE, dilation
+
+    def softening(self, focal: float) -> float:
+        """Return by which variance in pixels squared an image of this focal length is blurred once it is blended.
+
+        Along columns, then rows, a pixel keeps ``1 - variance`` of itself and gets half of the rest from either
+        neighbour.
+        """
+        # The root, as images just below the training size shimmer most.
+        return SOFTENING * math.sqrt(self._smaller(focal)) if self.antialias == "relative" else 0.0
+
+    def _smaller(self, focal: float) -> float:
+        """Return how much of a pixel's area was not in a training pixel, 0 to 1."""
+        return max(0.0, 1.0 - (focal / self.train_focal) ** 2)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -195,13 +211,6 @@ class Rendering:
 def own_antialias(antialiased: bool, otherwise: Antialias) -> Antialias:
     """Return how a scene is to be drawn where nobody said how: one trained with antialiasing needs ``mip``."""
     return "mip" if antialiased else otherwise
-
-
-def available_processors() -> int:
-    """Return how many processors this process may run on, at least 1."""
-    if hasattr(os, "sched_getaffinity"):
-        return max(1, len(os.sched_getaffinity(0)))
-    return os.cpu_count() or 1
 
 
 def _expect(valid: bool, name: str, value: object, expected: str) -> None:

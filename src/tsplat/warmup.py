@@ -88,4 +88,4 @@ def draw_tiny(options: RenderOptions | None = None) -> None:
     camera = Camera.look_at(
         (0.0, 0.0, -3.0), (0.0, 0.0, 0.0), (0.0, -1.0, 0.0), width=SIDE, height=SIDE, fov_y=55.0
     )
-    rasterize(gaussians, camera, replace(options or RenderOptions(depths=False), threads=1))
+    rasterize(gaussians, camera, replace(options or RenderOptions(antialias="relative", depths=False), threads=1))

@@ -15,7 +15,7 @@ from tests.bench.conftest import Drawn
 from tests.scenes import random_gaussians
 from tsplat import cli, progress
 from tsplat.io import save
-from tsplat.rendering import available_processors
+from tsplat.processors import available_processors
 
 pytestmark = pytest.mark.usefixtures("compiled")
 

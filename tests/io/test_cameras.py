@@ -1,4 +1,4 @@
-"""Training cameras: what cameras.json says, and what a viewer does with a broken one."""
+"""Training cameras: what cameras.json says."""
 
 from __future__ import annotations
 
@@ -13,9 +13,11 @@ import pytest
 from PIL import Image
 
 import tsplat
+from tests.io.outcomes import limited_growth
 from tests.scenes import shared_scenes
 from tsplat import io
-from tsplat.errors import CorruptFileError, LoadError, LoadWarning
+from tsplat.errors import CorruptFileError, LoadError
+from tsplat.io.camera_json import MAX_BYTES
 
 SCENES = shared_scenes()
 NEEDS_SCENES = pytest.mark.skipif(
@@ -65,12 +67,13 @@ FAULTS: dict[str, tuple[Any, str]] = {
     "no width": ([entry(width=0)], "camera 0: width must be 1 to"),
     "endless width": ([entry(width=math.inf)], "camera 0: expected"),
     "a mirror": ([entry(rotation=[[1, 0, 0], [0, 1, 0], [0, 0, -1]])], "camera 0: viewmat must hold a rotation"),
+    "axes beyond all bounds": ([entry(rotation=[[1e300] * 3] * 3)], "camera 0: viewmat must "),
     "nan": ([entry(position=[math.nan, 0, 0])], "camera 0: viewmat must be finite"),
 }
 
 
 @pytest.mark.parametrize("name", FAULTS)
-def test_a_broken_list_is_one_clear_line_and_does_not_stop_a_viewer(tmp_path: Path, name: str) -> None:
+def test_a_broken_list_is_one_clear_line(tmp_path: Path, name: str) -> None:
     content, message = FAULTS[name]
     path = write(tmp_path, content)
     if content is None:
@@ -78,29 +81,17 @@ def test_a_broken_list_is_one_clear_line_and_does_not_stop_a_viewer(tmp_path: Pa
     with pytest.raises(CorruptFileError, match=message) as caught:
         io.load_cameras(path)
     assert "\n" not in str(caught.value)
-    with pytest.warns(LoadWarning, match=message):
-        assert io.train_focal_beside(tmp_path / "scene.ply") is None
+
+
+def test_a_short_list_takes_no_room_for_the_longest(tmp_path: Path) -> None:
+    path = write(tmp_path, [entry()])
+    with limited_growth(MAX_BYTES // 4):
+        assert len(io.load_cameras(path)) == 1
 
 
 def test_a_missing_list_cannot_be_loaded(tmp_path: Path) -> None:
     with pytest.raises(LoadError, match="No such file"):
         io.load_cameras(tmp_path / "cameras.json")
-
-
-def test_the_focal_length_is_the_median_of_the_nearest_list(tmp_path: Path) -> None:
-    folder = tmp_path / "point_cloud" / "iteration_30000"
-    folder.mkdir(parents=True)
-    assert io.train_focal_beside(folder / "point_cloud.ply") is None
-    write(tmp_path, [entry(fx=each) for each in (100.0, 900.0, 300.0)])
-    assert io.train_focal_beside(folder / "point_cloud.ply") == 300.0
-    write(folder, [])
-    assert io.train_focal_beside(str(folder / "point_cloud.ply")) is None
-
-
-def test_a_list_four_folders_above_is_somebody_elses(tmp_path: Path) -> None:
-    write(tmp_path, [entry()])
-    assert io.train_focal_beside(tmp_path / "a" / "b" / "c" / "scene.ply") == 500.0
-    assert io.train_focal_beside(tmp_path / "a" / "b" / "c" / "d" / "scene.ply") is None
 
 
 @NEEDS_SCENES
@@ -120,10 +111,3 @@ def test_real_cameras_see_what_their_photographs_show() -> None:
 
 def psnr(one: npt.NDArray[Any], other: npt.NDArray[Any]) -> float:
     return float(-10.0 * np.log10(np.mean((one - other) ** 2)))
-
-
-@NEEDS_SCENES
-def test_the_real_focal_length_is_found_from_the_folder_below() -> None:
-    assert SCENES is not None
-    focal = io.train_focal_beside(SCENES / "snowmiku" / "trained" / "snow_sh3_3000.ply")
-    assert focal == pytest.approx(3276.9157)

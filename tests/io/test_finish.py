@@ -31,9 +31,10 @@ def test_what_cannot_be_drawn_is_left_out_with_a_warning(rng: np.random.Generato
     np.testing.assert_array_equal(found.means, whole.means[[0, 2, 5, 8]])
 
 
-def test_quats_of_any_length_become_unit_quats(rng: np.random.Generator) -> None:
+@pytest.mark.parametrize("length", [1e-30, 1e-22, 3.0, 1e25])
+def test_quats_of_any_length_become_unit_quats(rng: np.random.Generator, length: float) -> None:
     means, quats, scales, opacities, sh = parts(random_gaussians(rng, 5, 0))
-    found = finish(PATH, means, 3.0 * quats, scales, opacities, sh, max_splats=None)
+    found = finish(PATH, means, np.float32(length) * quats, scales, opacities, sh, max_splats=None)
     np.testing.assert_allclose(found.quats, quats, atol=1e-6)
 
 

@@ -208,6 +208,13 @@ def test_arrays_that_are_no_scene_are_refused_in_one_line(
     assert len(str(caught.value)) < 300 + len(str(tmp_path))
 
 
+def test_a_name_without_end_stays_short_in_the_message(tmp_path: Path, rng: np.random.Generator) -> None:
+    arrays = trained(random_gaussians(rng, 7, 1)) | {"means": np.zeros((7, 2))}
+    with pytest.raises(CorruptFileError, match=r"'xxxx.* has shape \[7, 2\], expected \[7, 3\]") as caught:
+        io.load(written(tmp_path, named(arrays, "x" * 60_000 + ".", False)))
+    assert len(str(caught.value)) < 400 + len(str(tmp_path))
+
+
 def test_nothing_pickled_is_run(tmp_path: Path, rng: np.random.Generator) -> None:
     class Trap:
         def __reduce__(self) -> tuple[object, tuple[str]]:

@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.io.outcomes import within_memory
 from tests.io.plys import (
     FORMATS,
     STRUCT_CODES,
@@ -220,6 +221,8 @@ def test_a_file_that_shrinks_while_it_is_read_is_refused(tmp_path: Path) -> None
         io.load(path, progress=cut)
 
 
+BELLS = "\a" * 999
+
 HEADER_FAULTS: dict[str, tuple[Callable[[str], str], str]] = {
     "no end_header": (lambda text: text.replace("end_header\n", ""), "no end_header"),
     "no format": (lambda text: text.replace("format binary_little_endian 1.0\n", ""), "no format line"),
@@ -245,6 +248,10 @@ HEADER_FAULTS: dict[str, tuple[Callable[[str], str], str]] = {
         "3 'vertex' need at least 168 bytes",
     ),
     "unknown type": (lambda text: text.replace("float x", "half x"), "'half x' of 'vertex', expected a type"),
+    "names of bells": (
+        lambda text: text.replace("end_", f"element {BELLS} 0\nproperty {BELLS} x\nend_"),
+        r"property '(\\x07){13}\\x0\.\.\.' of '(\\x07){13}",
+    ),
     "list of unknown type": (lambda text: text.replace("float x", "list uchar half x"), "expected a type"),
     "list with a fractional length": (lambda text: text.replace("float x", "list float int x"), "expected a type"),
     "twice the same property": (
@@ -263,6 +270,10 @@ HEADER_FAULTS: dict[str, tuple[Callable[[str], str], str]] = {
     "one f_rest": (
         lambda text: text.replace("end_", "property float f_rest_0\nend_"),
         "1 properties f_rest_.*, expected",
+    ),
+    "too many elements": (
+        lambda text: text.replace("end_", "".join(f"element e{i} 0\n" for i in range(100)) + "end_"),
+        "more than 100 elements",
     ),
     "too many properties": (
         lambda text: text.replace("end_", "".join(f"property char c{i}\n" for i in range(1000)) + "end_"),
@@ -326,6 +337,15 @@ def test_a_line_that_is_no_row_is_refused(tmp_path: Path, word: str, message: st
     lines = ply_bytes([splats([one_splat(x=7.5), one_splat()])], "ascii").decode().replace("7.5", word)
     with pytest.raises(CorruptFileError, match=message):
         load_bytes(tmp_path, lines.encode())
+
+
+def test_a_number_of_many_digits_takes_no_room_from_the_others(tmp_path: Path) -> None:
+    rows = splats([one_splat(x=7.5), *[one_splat()] * 199])
+    path = tmp_path / "scene.ply"
+    path.write_bytes(ply_bytes([rows], "ascii").replace(b"7.5", b"7.5" + b"0" * 100_000))
+    gaussians = within_memory(path, 0)
+    assert gaussians is not None
+    assert gaussians.means[0, 0] == 7.5
 
 
 OTHER_KINDS = {

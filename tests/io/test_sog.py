@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from tests.io import sogs
+from tests.io.outcomes import within_memory
 from tests.io.sogs import Scene, made_up, made_up_old, read_slowly, write_folder
 from tsplat import io
 from tsplat.errors import CorruptFileError, LoadError, LoadWarning, OptionError, TsplatError
@@ -189,6 +190,10 @@ def drop(key: str) -> Callable[[dict[str, Any]], None]:
 META_FAULTS: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
     "another version": (change("version", to=3), "field version is 3, expected a whole number from 1 to 2"),
     "a version in words": (change("version", to="2"), "field version is '2', expected"),
+    "a version that would change a terminal": (
+        change("version", to="\x1b]0;\x07"),
+        r"is '\\x1b\]0;\\x07', expected",
+    ),
     "no count": (drop("count"), "field count is missing, expected a whole number"),
     "a negative count": (change("count", to=-1), "field count is -1, expected"),
     "a count with a fraction": (change("count", to=7.0), "field count is 7.0, expected"),
@@ -276,7 +281,7 @@ def test_a_plane_in_a_folder_below_is_inside(tmp_path: Path, rng: np.random.Gene
         (b'{"a":' + b"[" * 100_000, "is not JSON"),
         (b"\xff\xfe\x00", "is not JSON"),
         (b'{"a": ' + b"1" * 5000 + b"}", "is not JSON"),
-        (b" " * (1 << 24) + b"{}", "holds more than 16777216 bytes"),
+        (b" " * (1 << 18) + b"{}", "holds more than 262144 bytes"),
         (b"{}", "field means is missing"),
     ],
 )
@@ -339,7 +344,7 @@ def test_an_image_of_another_size_than_its_header_is_refused(
 ) -> None:
     monkeypatch.setattr(sog_planes, "_size", lambda *_: (5, 5))
     with pytest.raises(CorruptFileError, match=r"is \(4, 2\) pixels inside, expected \(5, 5\)"):
-        load_bytes(tmp_path, made_up(rng).zipped())
+        load_bytes(tmp_path, made_up(rng, bands=0).zipped())
 
 
 def test_zeros_in_a_zip_do_not_pay_for_splats(tmp_path: Path, rng: np.random.Generator) -> None:
@@ -358,6 +363,31 @@ def test_sizes_in_a_zip_that_are_not_there_do_not_pay_for_splats(tmp_path: Path,
     whole[entry + 20 : entry + 28] = 2 * (1 << 24).to_bytes(4, "little")
     with pytest.raises(CorruptFileError, match=r"'means_l\.webp' holds \d{4} bytes, expected at least 62500"):
         load_bytes(tmp_path, bytes(whole))
+
+
+def test_a_small_meta_in_a_folder_takes_no_room_for_the_largest(tmp_path: Path, rng: np.random.Generator) -> None:
+    assert within_memory(write_folder(tmp_path, made_up(rng).files()), 0) is not None
+
+
+def test_a_meta_packed_to_nothing_is_not_unpacked_to_millions_of_lists(tmp_path: Path) -> None:
+    text = b'{"means": [' + b"[]," * 5_000_000 + b"0]}"
+    path = tmp_path / "scene.sog"
+    path.write_bytes(sogs.zipped({"meta.json": text}, zipfile.ZIP_DEFLATED))
+    assert path.stat().st_size < 20_000
+    assert within_memory(path, 0) is None
+
+
+def test_a_packed_size_beyond_the_end_of_a_zip_takes_no_room(tmp_path: Path, rng: np.random.Generator) -> None:
+    whole = bytearray(made_up(rng).zipped())
+    entry = whole.rindex(b"meta.json") - 46
+    whole[entry + 20 : entry + 28] = 2 * (1 << 30).to_bytes(4, "little")
+    path = tmp_path / "scene.sog"
+    path.write_bytes(whole)
+    with pytest.raises(
+        CorruptFileError, match=r"'meta\.json' takes 1073741824 bytes by the zip's directory, \d{4} are"
+    ):
+        io.load(path)
+    assert within_memory(path, 0) is None
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.io.outcomes import within_memory
 from tests.io.sogs import made_up, write_folder
 from tests.scenes import shared_scenes
 from tsplat import io
@@ -132,6 +133,10 @@ FAULTS: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
         lambda tree: tree.update(environment="/sky.sog"),
         "field environment is '/sky.sog', expected the name of a file inside",
     ),
+    "names that would change a terminal": (
+        lambda tree: tree.update(filenames=["\x1b]0;\x07", "b", "c"]),
+        r"field filenames is \['\\x1b\]0;\\x07', .*names of files inside",
+    ),
     "names that are no list": (lambda tree: tree.update(filenames="abc"), "field filenames is 'abc'"),
     "a file that is missing": (
         lambda tree: tree.update(filenames=["a/meta.json", "b/meta.json", "d/meta.json"]),
@@ -174,6 +179,20 @@ def test_a_tree_that_lies_is_refused_in_one_line(folder: Path, tree: dict[str, A
         io.load(write_tree(folder, tree))
     assert str(caught.value).isprintable()
     assert len(str(caught.value)) < 300 + len(str(folder))
+
+
+def test_splats_that_no_bytes_pay_for_are_counted_over_all_files(
+    folder: Path, tree: dict[str, Any], rng: np.random.Generator
+) -> None:
+    scene = made_up(rng)
+    scene.meta["count"] = 60_000
+    tree["filenames"] = [f"{index}.sog" for index in range(3)]
+    for name in tree["filenames"]:
+        (folder / name).write_bytes(scene.zipped())
+    path = write_tree(folder, tree)
+    with pytest.raises(CorruptFileError, match=r"its scenes have \d{6} splats more than their means hold"):
+        io.load(path)
+    assert within_memory(path, 0) is None
 
 
 def test_a_deep_tree_needs_no_deep_stack(folder: Path, tree: dict[str, Any]) -> None:

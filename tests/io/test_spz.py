@@ -15,6 +15,7 @@ import pytest
 import zstandard
 
 from tests.io.alike import angles, matrix, picture
+from tests.io.outcomes import within_memory
 from tests.io.spzs import SH_VALUES, Splat, bare, decoded, framed, head, streams, zipped
 from tests.raster.compare import psnr
 from tests.scenes import shared_scenes
@@ -244,6 +245,7 @@ def test_a_bomb_behind_the_last_stream_is_not_unpacked(tmp_path: Path) -> None:
     raw = bare(some_splats(3, 0), 3, 0, flags=2) + bytes(50_000_000)
     with pytest.raises(CorruptFileError, match="holds more than its header says"):
         load_bytes(tmp_path, zipped(raw))
+    assert within_memory(tmp_path / "scene.spz", 0) is None
 
 
 def changed(place: int, layout: str, value: int) -> bytes:
@@ -279,6 +281,10 @@ NEW_LIARS = {
     "frame that promises all": (
         reframed(b"\x28\xb5\x2f\xfd\xe0" + struct.pack("<Q", 2**50) + b"\x01\x00\x00"),
         "means unpack to 1125899906842624 bytes, expected 45",
+    ),
+    "frame with a window of gigabytes": (
+        reframed(b"\x28\xb5\x2f\xfd\x00\xaf\x01\x00\x00"),
+        "means do not unpack: .* too much memory",
     ),
     "two frames": (reframed(PLAIN.compress(bytes(45)) * 2), "means do not unpack"),
     "frame that is none": (reframed(b"no frame at all"), "means do not unpack"),

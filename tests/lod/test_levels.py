@@ -9,12 +9,12 @@ from tests.lod import slow
 from tests.raster.compare import front_camera, psnr
 from tests.scenes import random_gaussians
 from tsplat._jit import JIT, kernel
-from tsplat.lod import decimate
+from tsplat.lod import Cut, decimate, hierarchy
 from tsplat.lod import merge as merging
 from tsplat.lod.kd import kd_order
 from tsplat.lod.levels import coarser, finest
 from tsplat.lod.merge import new_scratch
-from tsplat.raster import rasterize, reference
+from tsplat.raster import rasterize, rasterize_blocks, reference
 from tsplat.raster.prepare import BLOCK
 from tsplat.rendering import RenderOptions
 from tsplat.scene import Gaussians
@@ -68,6 +68,41 @@ def test_levels_are_the_same_bits_whatever_the_number_of_threads() -> None:
     gaussians = random_gaussians(np.random.default_rng(5), N)
     for one, three in zip(coarser(level_of(gaussians), 1), coarser(level_of(gaussians), 3), strict=True):
         np.testing.assert_array_equal(one, three)
+
+
+def odd_scenes() -> dict[str, Gaussians]:
+    """Return scenes that no training makes, but that a file may hold."""
+    means, quats, scales, opacities, sh = random_gaussians(np.random.default_rng(2), 3 * BLOCK, 0).arrays
+    some = np.arange(len(means)) % 50 == 0
+    return {
+        "points": Gaussians(means, quats, 0 * scales, opacities, sh),
+        "far points": Gaussians(1e6 * means, quats, 0 * scales, opacities, sh),
+        "one place": Gaussians(0 * means, quats, 0 * scales, opacities, sh),
+        "unseen": Gaussians(means, quats, scales, 0 * opacities, sh),
+        "giants": Gaussians(means, quats, np.where(some[:, None], 1e12, 1e-6) * scales, opacities, sh),
+        "unseen giants": Gaussians(
+            means, quats, np.where(some[:, None], 1e9, 1e-6) * scales, np.where(some, 0, opacities), sh
+        ),
+        "needles": Gaussians(means, quats, scales * np.array([1e4, 1e-9, 0]), opacities, sh),
+        "worlds": Gaussians(1e18 * means, quats, 1e15 * scales, opacities, sh),
+        "specks": Gaussians(1e-12 * means, quats, 1e-14 * scales, opacities, sh),
+        "glaring": Gaussians(means, quats, scales, opacities, 1e20 * sh),
+    }
+
+
+@pytest.mark.skipif(not JIT, reason="thousands of splats take minutes without a compiler")
+@pytest.mark.parametrize("name", odd_scenes())
+def test_odd_scenes_are_merged_as_well_as_can_be(name: str) -> None:
+    scene = odd_scenes()[name]
+    for count in (2 * BLOCK, 100, 1):
+        merged = decimate(scene, count)  # a scene checks that it is one
+        assert len(merged) == count
+        assert (merged.means.min(0) >= scene.means.min(0) - 1e-3 * abs(scene.means).max()).all()
+        assert (merged.means.max(0) <= scene.means.max(0) + 1e-3 * abs(scene.means).max()).all()
+    camera = front_camera(32, 24)
+    blocks = Cut(hierarchy(scene, 2)).blocks(camera, RenderOptions(), BLOCK)
+    rendering = rasterize_blocks(hierarchy(scene, 2).scene, blocks, camera, RenderOptions())
+    assert np.isfinite(rendering.alphas).all()
 
 
 def scratch_of(gaussians: Gaussians):  # type: ignore[no-untyped-def]

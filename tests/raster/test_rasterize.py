@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -33,6 +35,16 @@ def test_it_matches_the_reference_in_every_mode_and_degree(antialias: Antialias,
 def test_it_matches_the_reference_at_every_size(n: int, size: tuple[int, int]) -> None:
     gaussians = random_gaussians(np.random.default_rng(n), n)
     assert_like_reference(gaussians, front_camera(*size), RenderOptions(background=(0.1, 0.2, 0.3)))
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 5), (2, 1), (3, 40), (33, 17), (64, 48)])
+def test_it_matches_the_reference_where_small_images_are_softened(size: tuple[int, int]) -> None:
+    options = RenderOptions(antialias="relative", train_focal=400.0, background=(0.2, 0.5, 0.9))
+    gaussians = random_gaussians(np.random.default_rng(2), MANY)
+    assert_like_reference(gaussians, front_camera(*size), options)
+    one, two = (rasterize(gaussians, front_camera(*size), replace(options, threads=each)) for each in (1, 2))
+    np.testing.assert_array_equal(one.colors, two.colors)
+    np.testing.assert_array_equal(one.alphas, two.alphas)
 
 
 @pytest.mark.parametrize("eye", [(0.05, 0.02, -0.1), (0.0, 0.0, 4.0), (30.0, 0.0, 0.0), (0.0, -3.0, 0.01)])

@@ -83,6 +83,17 @@ def test_relative_conserves_what_a_distant_splat_covers() -> None:
     np.testing.assert_allclose(near.alphas.sum(), undilated, rtol=0.03)
 
 
+def test_softening_blurs_by_its_variance_and_keeps_all_light() -> None:
+    point = np.zeros((9, 11, 3), np.float32)
+    point[4, 5] = 1.0
+    soft = reference.soften(point, 0.2)
+    np.testing.assert_allclose(soft.sum(axis=(0, 1)), 1.0, atol=1e-6)
+    y, x = np.mgrid[-4:5, -5:6]
+    for squared in (x * x, y * y):
+        np.testing.assert_allclose((soft[..., 0] * squared).sum(), 0.2, atol=1e-6)
+    np.testing.assert_allclose(reference.soften(np.full((3, 2), 0.7, np.float32), 0.2), 0.7, atol=1e-6)
+
+
 def test_the_basis_is_orthonormal_over_the_sphere() -> None:
     directions = np.random.default_rng(0).normal(size=(400_000, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
@@ -104,3 +115,24 @@ def test_held_out_photographs_are_seen_the_right_way_round() -> None:
         image = rasterize(scene, view.camera.resized(width, height), RenderOptions(depths=False)).colors
         assert psnr(image, photograph) > 23.0
         assert psnr(image[:, ::-1], photograph) < 18.0
+
+
+@pytest.mark.skipif(not JIT, reason="tens of thousands of splats take hours without a compiler")
+@pytest.mark.skipif(SNOWMIKU is None, reason="the folder of real scenes is not there; set TSPLAT_SCENES to it")
+@pytest.mark.parametrize(("divisor", "floor"), [(8, 28.9), (4, 30.0), (2, 30.3), (1, 29.6)])
+def test_relative_is_what_photographs_of_every_size_show(divisor: int, floor: float) -> None:
+    assert SNOWMIKU is not None
+    scene = load(SNOWMIKU / "trained" / "snow_sh3_3000.ply")
+    width, height = 248 // divisor, 186 // divisor
+    found = []
+    for view in load_cameras(SNOWMIKU / "cameras.json")[::8]:
+        with Image.open(SNOWMIKU / "images_16" / f"{view.name}.png") as whole:
+            photograph = np.asarray(whole.convert("RGB"), np.float64)[: height * divisor, : width * divisor] / 255
+        K = view.camera.resized(248, 186).K.copy()
+        K[:2] /= divisor
+        camera = Camera(view.camera.viewmat, K, width, height)
+        options = RenderOptions(antialias="relative", train_focal=205.3, depths=False)
+        small = photograph.reshape(height, divisor, width, divisor, 3).mean(axis=(1, 3))
+        found.append(psnr(np.clip(rasterize(scene, camera, options).colors, 0.0, 1.0), small))
+    assert len(found) == 13
+    assert np.mean(found) > floor

@@ -88,8 +88,8 @@ def bench(scene: tuple[str, ...], sizes: Sequence[tuple[int, int]], thread_count
           frames: int, as_json: bool, **how: Any) -> None:  # fmt: skip
     """Time each stage of drawing SCENE, or the demo, from around and inside, against what this machine can do."""
     from tsplat.bench.measure import measure_all
+    from tsplat.processors import available_processors
     from tsplat.progress import wait_for_kernels
-    from tsplat.rendering import available_processors
     from tsplat.warmup import WarmUp
 
     names = scene or (DEMO,)

@@ -8,7 +8,7 @@ import subprocess
 from pathlib import Path
 
 from tsplat import __version__
-from tsplat.rendering import available_processors
+from tsplat.processors import available_processors
 
 
 def machine() -> dict[str, str | int]:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from tsplat._jit import kernel, part
 from tsplat.edit.kd_tree import Tree, kd_tree
-from tsplat.rendering import available_processors
+from tsplat.processors import available_processors
 
 F32 = npt.NDArray[np.float32]
 I64 = npt.NDArray[np.int64]

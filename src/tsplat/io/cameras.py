@@ -6,9 +6,6 @@ camera in the world (the columns of ``rotation`` are the camera's axes), and foc
 
 from __future__ import annotations
 
-import json
-import statistics
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,15 +13,8 @@ from typing import Any
 import numpy as np
 
 from tsplat.camera import Camera
-from tsplat.errors import CameraError, CorruptFileError, LoadError, LoadWarning
-from tsplat.io.sources import is_elsewhere
-
-FILE_NAME = "cameras.json"
-LEVELS_UP = 3
-"""Folders searched above the scene's: training writes ``point_cloud/iteration_30000/point_cloud.ply``."""
-
-MAX_BYTES = 1 << 28
-"""Larger files are no camera lists; this one would be half a million photographs."""
+from tsplat.errors import CameraError, CorruptFileError
+from tsplat.io.camera_json import read_json
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,51 +46,9 @@ def load_cameras(path: str | Path) -> list[TrainingCamera]:
         It is no JSON list of cameras; the text names the entry and the field.
     """
     path = Path(path)
-    try:
-        with path.open("rb") as file:
-            text = file.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise LoadError(path, f"cannot be read: {error.strerror or error}; check the path") from error
-    if len(text) > MAX_BYTES:
-        raise LoadError(path, f"is larger than {MAX_BYTES} bytes, too large for a list of cameras; choose another")
-    try:
-        entries = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        offset = error.pos if isinstance(error, json.JSONDecodeError) else None
-        raise CorruptFileError(path, "is not JSON, expected a list of cameras; export it again", offset) from error
-    if not isinstance(entries, list):
-        raise CorruptFileError(path, f"holds a JSON {type(entries).__name__}, expected a list of cameras")
-    return [_camera(path, index, entry) for index, entry in enumerate(entries)]
-
-
-def train_focal_beside(scene_path: str | Path) -> float | None:
-    """Return the median fx, in pixels, of the cameras listed beside a scene or up to three folders above.
-
-    Returns
-    -------
-    float or None
-        None where there is no such list, or an empty one, or the scene is no file.
-
-    Warns
-    -----
-    LoadWarning
-        The list is broken: the scene can be shown all the same.
-    """
-    if is_elsewhere(scene_path):
-        return None
-    folder = Path(scene_path).absolute().parent
-    for candidate in (folder, *folder.parents[:LEVELS_UP]):
-        path = candidate / FILE_NAME
-        if path.is_file():
-            break
-    else:
-        return None
-    try:
-        cameras = load_cameras(path)
-    except LoadError as error:
-        warnings.warn(f"{error}; a common focal length is assumed", LoadWarning, stacklevel=2)
-        return None
-    return statistics.median(float(each.camera.K[0, 0]) for each in cameras) if cameras else None
+    entries = read_json(path, list)
+    with np.errstate(over="ignore", invalid="ignore"):  # what that makes is no rotation, and refused
+        return [_camera(path, index, entry) for index, entry in enumerate(entries)]
 
 
 def _camera(path: Path, index: int, entry: Any) -> TrainingCamera:

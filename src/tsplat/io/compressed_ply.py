@@ -17,19 +17,21 @@ import numpy as np
 import numpy.typing as npt
 
 from tsplat.errors import CorruptFileError, LoadError
+from tsplat.io.arrays import F32, Arrays, chunks
 from tsplat.io.ply_columns import REST_COUNTS, rest_names
 from tsplat.io.ply_header import Element, Header
 from tsplat.io.ply_rows import find_rows
+from tsplat.io.smallest_three import BY_COMPONENT, fill_quats
+from tsplat.io.threads import on_threads
 
-F32 = npt.NDArray[np.float32]
 U32 = npt.NDArray[np.uint32]
-Arrays = tuple[F32, F32, F32, F32, F32]
+Records = npt.NDArray[np.void]
 
 CHUNK = 256
 """Splats that share bounds; the last chunk of a file may hold fewer."""
 
-BLOCK = 32 * CHUNK
-"""Rows decoded at once."""
+BLOCK = 16 * CHUNK
+"""Rows decoded at once; as many as `tsplat.io.arrays.CHUNK`, but whole chunks in any case."""
 
 SH_C0 = 0.28209479177387814
 SH_RANGE = 4.0
@@ -37,7 +39,7 @@ SH_RANGE = 4.0
 
 WORDS = ("packed_position", "packed_rotation", "packed_scale", "packed_color")
 
-SH_LEVELS = ((np.arange(256) + 0.5) / 128.0 - 1.0) * SH_RANGE
+SH_LEVELS = (((np.arange(256) + 0.5) / 128.0 - 1.0) * SH_RANGE).astype(np.float32)
 SH_LEVELS[[0, 255]] = -SH_RANGE, SH_RANGE  # the outer steps stand for the ends of the range, not their middle
 
 
@@ -76,9 +78,8 @@ def read_arrays(file: BinaryIO, path: Path, header: Header, progress: Callable[[
 
     Returns
     -------
-    tuple of ndarray of float32
-        ``means``, ``quats``, ``scales``, ``opacities`` and ``sh`` as `tsplat.io.finish.finish` takes them; bounds
-        that are nan or inf make the same of their splats.
+    Arrays
+        As `tsplat.io.finish.finish` takes them; bounds that are nan or inf make the same of their splats.
 
     Raises
     ------
@@ -90,21 +91,29 @@ def read_arrays(file: BinaryIO, path: Path, header: Header, progress: Callable[[
     chunk, vertex, rest = _elements(path, header)
     bounds = _read_bounds(file, path, header, chunk)
     n, k = vertex.count, 1 + (len(rest.properties) // 3 if rest else 0)
-    means, quats, scales = (np.empty((n, width), np.float32) for width in (3, 4, 3))
-    opacities, sh = np.empty(n, np.float32), np.empty((n, k, 3), np.float32)
-    half = 0.5 if rest else 1.0
-    for first, rows in _blocks(file, path, header, vertex):
-        part = slice(first, first + len(rows))
-        low, high = (np.repeat(ends[first // CHUNK :][: BLOCK // CHUNK], CHUNK, 0)[: len(rows)] for ends in bounds)
-        found = _splats(rows, low, high)
-        means[part], quats[part], scales[part], opacities[part], sh[part, 0] = found
-        progress(half * part.stop / n)
-    if rest:
-        for first, rows in _blocks(file, path, header, rest):
-            steps = np.stack([rows[name] for name in rest_names(k)], axis=1)
-            sh[first : first + len(rows), 1:] = SH_LEVELS[steps].reshape(len(rows), k - 1, 3)
-            progress(half + half * (first + len(rows)) / n)
-    return means, quats, scales, opacities, sh
+    arrays = Arrays.empty(n, k)
+    elements = [vertex, rest] if rest else [vertex]
+    # Records of the rest hold nothing but these bytes.
+    rest_columns = [rest.names.index(name) for name in rest_names(k)] if rest else []
+
+    def pieces() -> Iterator[tuple[Element, slice, Records]]:
+        for number, element in enumerate(elements):
+            for rows, records in _blocks(file, path, header, element):
+                yield element, rows, records
+                progress((number + rows.stop / n) / len(elements))
+
+    def decode(piece: tuple[Element, slice, Records]) -> None:
+        element, rows, records = piece
+        out = arrays.part(rows)
+        if element is vertex:
+            low, high = (np.repeat(_of_chunks(ends, rows), CHUNK, 1)[:, : len(records)] for ends in bounds)
+            _decode_splats(records, low, high, out)
+        else:
+            steps = records.view(np.uint8).reshape(len(records), -1)[:, rest_columns]
+            out.sh[:, 1:] = np.take(SH_LEVELS, steps, mode="clip").reshape(len(records), k - 1, 3)
+
+    on_threads(decode, pieces())
+    return arrays
 
 
 def _elements(path: Path, header: Header) -> tuple[Element, Element, Element | None]:
@@ -144,7 +153,7 @@ def _require_count(path: Path, element: Element, expected: int, why: str) -> Non
 
 
 def _read_bounds(file: BinaryIO, path: Path, header: Header, chunk: Element) -> tuple[F32, F32]:
-    # Minima and maxima, each [chunks, 3 fields, 3 axes]; without bounds colours go from 0 to 1.
+    # Minima and maxima, each [9, chunks]: of means, log scales and colours; without bounds colours go from 0 to 1.
     names = POSITION_BOUNDS + SCALE_BOUNDS + COLOR_BOUNDS
     blocks = [
         np.stack(
@@ -152,37 +161,43 @@ def _read_bounds(file: BinaryIO, path: Path, header: Header, chunk: Element) -> 
         )
         for _, rows in _blocks(file, path, header, chunk)
     ]
-    bounds = np.concatenate([np.empty((0, len(names))), *blocks]).astype(np.float32).reshape(-1, 3, 2, 3)
-    return bounds[:, :, 0], bounds[:, :, 1]
+    bounds = np.concatenate([np.empty((0, len(names))), *blocks]).astype(np.float32).T.reshape(3, 2, 3, -1)
+    return bounds[:, 0].reshape(9, -1), bounds[:, 1].reshape(9, -1)
 
 
-def _blocks(
-    file: BinaryIO, path: Path, header: Header, element: Element
-) -> Iterator[tuple[int, npt.NDArray[np.void]]]:
+def _blocks(file: BinaryIO, path: Path, header: Header, element: Element) -> Iterator[tuple[slice, Records]]:
     record: np.dtype[Any] = np.dtype([(prop.name, header.byte_order + prop.code) for prop in element.properties])
     file.seek(find_rows(file, path, header, element))
-    for first in range(0, element.count, BLOCK):
-        rows = np.empty(min(BLOCK, element.count - first), record)
+    for part in chunks(element.count, BLOCK):
+        rows = np.empty(part.stop - part.start, record)
         got = file.readinto(rows.view(np.uint8).data)  # type: ignore[attr-defined]
         if got < rows.nbytes:
-            problem = f"ends in row {first + got // record.itemsize} of {element.count} of {element.name!r}"
+            problem = f"ends in row {part.start + got // record.itemsize} of {element.count} of {element.name!r}"
             raise CorruptFileError(path, f"{problem}; the file is truncated, fetch it again", file.tell())
-        yield first, rows
+        yield part, rows
 
 
-def _splats(rows: npt.NDArray[np.void], low: F32, high: F32) -> Arrays:
-    position, rotation, scale, color = (rows[word].astype(np.uint32) for word in WORDS)
+def _of_chunks(ends: F32, rows: slice) -> F32:
+    return ends[:, rows.start // CHUNK : -(-rows.stop // CHUNK)]
+
+
+def _decode_splats(records: Records, low: F32, high: F32, out: Arrays) -> None:
+    # Fields lie in rows, [fields, N], until the end: they are longer than the three of a splat.
+    position, rotation, scale, color = (records[word].astype(np.uint32) for word in WORDS)
+    out.means[:] = _between(low[:3], high[:3], _three(position)).T
+    out.scales[:] = np.exp(_between(low[3:6], high[3:6], _three(scale))).T
     levels = _fields(color, (24, 16, 8, 0), (8, 8, 8, 8))
-    means = _between(low[:, 0], high[:, 0], _three(position))
-    scales = np.exp(_between(low[:, 1], high[:, 1], _three(scale)))
-    colors = _between(low[:, 2], high[:, 2], levels[:, :3])
-    return means, _quats(rotation), scales, levels[:, 3], (colors - 0.5) / np.float32(SH_C0)
+    out.sh[:, 0] = ((_between(low[6:], high[6:], levels[:3]) - np.float32(0.5)) / np.float32(SH_C0)).T
+    out.opacities[:] = levels[3]
+    # The largest component is left out: it follows from the others, and its sign was made positive.
+    others = (_fields(rotation, (20, 10, 0), (10, 10, 10)) - np.float32(0.5)) * np.float32(math.sqrt(2.0))
+    fill_quats(others.T, rotation >> 30, BY_COMPONENT, out.quats)
 
 
 def _fields(words: U32, shifts: tuple[int, ...], bits: tuple[int, ...]) -> F32:
-    # Bit fields of each word, from 0 to 1; [N, fields].
-    tops = (1 << np.array(bits, np.uint32)) - 1
-    fields: F32 = ((words[:, None] >> np.array(shifts, np.uint32)) & tops).astype(np.float32)
+    # Bit fields of each word, from 0 to 1; [fields, N].
+    tops = (1 << np.array(bits, np.uint32)[:, None]) - 1
+    fields: F32 = (words >> np.array(shifts, np.uint32)[:, None] & tops).astype(np.float32)
     fields /= tops.astype(np.float32)
     return fields
 
@@ -195,15 +210,3 @@ def _between(low: F32, high: F32, part: F32) -> F32:
     # Written so that 0 and 1 give the bounds to the bit.
     between: F32 = low * (1.0 - part) + high * part
     return between
-
-
-def _quats(words: U32) -> F32:
-    # The largest component is left out: it follows from the others, and its sign was made positive.
-    others = (_fields(words, (20, 10, 0), (10, 10, 10)) - 0.5) * np.float32(math.sqrt(2.0))
-    largest = np.sqrt(np.maximum(0.0, 1.0 - np.einsum("ij,ij->i", others, others)))
-    which = (words >> 30)[:, None]
-    quats = np.empty((len(words), 4), np.float32)
-    np.put_along_axis(quats, which.astype(np.intp), largest[:, None], 1)
-    places = np.arange(3) + (np.arange(3) >= which)
-    np.put_along_axis(quats, places, others, 1)
-    return quats

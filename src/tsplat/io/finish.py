@@ -1,7 +1,11 @@
-"""What every reader does last: leave out what cannot be drawn, keep the weightiest, make the scene."""
+"""What every reader does last: leave out what cannot be drawn, keep the weightiest, make the scene.
+
+Everything happens within the arrays that the reader filled, so a scene is in memory once.
+"""
 
 from __future__ import annotations
 
+import math
 import warnings
 from pathlib import Path
 
@@ -10,9 +14,12 @@ import numpy.typing as npt
 
 from tsplat.errors import LoadWarning
 from tsplat.importance import importance, most_important
+from tsplat.io.arrays import Arrays, chunks
+from tsplat.io.threads import on_threads
 from tsplat.scene import Gaussians
 
 F32 = npt.NDArray[np.float32]
+Mask = npt.NDArray[np.bool_]
 
 
 def finish(
@@ -32,14 +39,8 @@ def finish(
     ----------
     path : Path
         The file, for the warning.
-    means, scales : ndarray of float32, [N, 3]
-        As in `Gaussians`.
-    quats : ndarray of float32, [N, 4]
-        ``wxyz``, of any length above zero.
-    opacities : ndarray of float32, [N]
-        From 0 to 1.
-    sh : ndarray of float32, [N, K, 3]
-        As in `Gaussians`.
+    means, quats, scales, opacities, sh : ndarray of float32
+        As in `tsplat.io.arrays.Arrays`; what they hold is changed, and they become the scene.
     max_splats : int or None
         Keep at most this many, those with the largest opacity times area.
     antialiased : bool
@@ -50,18 +51,71 @@ def finish(
     LoadWarning
         Splats with nan, inf or a zero quat were left out.
     """
-    with np.errstate(over="ignore", invalid="ignore"):  # what that makes is what is looked for
-        lengths = np.linalg.norm(quats, axis=1)
-        sums = means.sum(1) + scales.sum(1) + opacities + sh.sum((1, 2))
-    good = np.isfinite(sums) & np.isfinite(lengths) & (lengths > 0)
-    if dropped := len(good) - int(good.sum()):
-        problem = f"dropped {dropped} of {len(good)} splats: nan, inf or a zero quat"
-        warnings.warn(f"{path}: {problem}", LoadWarning, stacklevel=4)
-    if max_splats is not None and max_splats < good.sum():
-        kept = np.flatnonzero(good)
-        good = np.zeros_like(good)
-        good[kept[most_important(importance(scales[kept], opacities[kept]), max_splats)]] = True
-    if not good.all():
-        means, quats, scales, opacities, sh = (part[good] for part in (means, quats, scales, opacities, sh))
-        lengths = lengths[good]
-    return Gaussians(means, quats / lengths[:, None], scales, opacities, sh, antialiased)
+    arrays = Arrays(
+        *(np.require(array, np.float32, ("C", "W")) for array in (means, quats, scales, opacities, sh))
+    )
+    count = len(means)
+    good = np.empty(count, np.bool_)
+
+    def mend_chunk(rows: slice) -> None:
+        good[rows] = mend(arrays.part(rows))
+
+    on_threads(mend_chunk, chunks(count))
+    kept = int(np.count_nonzero(good))
+    warn_dropped(path, count - kept, count, stacklevel=5)
+    if max_splats is not None and max_splats < kept:
+        good = most_important(scores(arrays, good), max_splats)
+    means, quats, scales, opacities, sh = (keep(array, good) for array in arrays)
+    return Gaussians(means, quats, scales, opacities, sh, antialiased)
+
+
+def warn_dropped(path: Path, dropped: int, count: int, stacklevel: int) -> None:
+    """Say how many splats of a file were left out, if any."""
+    if dropped:
+        problem = f"dropped {dropped} of {count} splats: nan, inf or a zero quat"
+        warnings.warn(f"{path}: {problem}", LoadWarning, stacklevel=stacklevel)
+
+
+def mend(arrays: Arrays) -> Mask:
+    """Make quats unit quats in place, and mark the splats that can be drawn: no nan, no inf, no zero quat."""
+    good = np.ones(len(arrays.means), np.bool_)
+    with np.errstate(all="ignore"):  # what that makes is what is looked for
+        for array in arrays:
+            mark_finite(array, good)
+        # Squares leave float32 soon.
+        lengths = np.sqrt(np.einsum("ij,ij->i", arrays.quats, arrays.quats, dtype=np.float64))
+        good &= lengths > 0.0
+        np.divide(arrays.quats, lengths[:, None], out=arrays.quats, casting="same_kind")
+    return good
+
+
+def mark_finite(array: F32, good: Mask) -> None:
+    """Clear the marks of the rows of ``array`` that hold nan or inf."""
+    # One pass where all is well: a nan or inf anywhere shows in the sum. An overflowing sum of
+    # finite values only costs the exact test.
+    if not math.isfinite(array.sum()):
+        good &= np.isfinite(array.reshape(len(array), -1)).all(axis=1)
+
+
+def scores(arrays: Arrays, good: Mask) -> F32:
+    """Return what `most_important` chooses by: the importance of good splats, -1 for others."""
+    found = np.full(len(good), -1.0, np.float32)
+    for rows in chunks(len(good)):
+        marks = good[rows]
+        found[rows][marks] = importance(arrays.scales[rows][marks], arrays.opacities[rows][marks])
+    return found
+
+
+def keep(array: F32, good: Mask) -> F32:
+    """Return the marked rows of ``array``, in its own memory where that is its own."""
+    if good.all():
+        return array
+    kept = 0
+    for rows in chunks(len(good)):
+        chosen = array[rows][good[rows]]
+        array[kept : kept + len(chosen)] = chosen
+        kept += len(chosen)
+    if kept < len(array) and not array.flags.owndata:
+        return array[:kept].copy()
+    array.resize((kept, *array.shape[1:]), refcheck=False)
+    return array

@@ -26,6 +26,11 @@ from tsplat.scene import Gaussians
 
 HALF_TURN = np.diag([-1.0, -1.0, 1.0, 1.0])
 
+SPLATS_A_BYTE = 16
+"""Nodes may show the same splats again and again; so many more than there are bytes are a trap."""
+
+SPARE_SPLATS = 1 << 16
+
 Placed = tuple[Primitive, npt.NDArray[np.float64]]
 
 
@@ -79,6 +84,10 @@ def _find(document: Document) -> tuple[list[Placed], set[str]]:
         placed += [(primitive, upright) for primitive in known[mesh.where]]
     if not placed:
         raise LoadError(document.path, f"shows no {EXTENSION}, so it is no splat scene; choose another file")
+    count, there = sum(primitive.count for primitive, _ in placed), document.stored_bytes
+    if count > SPARE_SPLATS + SPLATS_A_BYTE * there:
+        problem = f"shows {count} splats, expected at most {SPLATS_A_BYTE} for each of {there} bytes; merge it"
+        raise LoadError(document.path, problem)
     return placed, problems
 
 

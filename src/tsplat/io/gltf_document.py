@@ -28,6 +28,9 @@ CHUNK = struct.Struct("<I4s")
 SIZE_MAX = 1 << 53
 """Larger numbers are not exact in the JSON of other programs."""
 
+ITEMS_MAX = 100_000
+"""Nodes, meshes or primitives; each takes a hundred times its bytes once it is looked at."""
+
 _BASE64 = re.compile(rb'"data:[^"\\,]{0,99};base64,([^"\\]*)"')
 
 
@@ -84,6 +87,11 @@ class Document:
     chunk: Stretch | None
     embedded: list[bytes]
     _buffers: dict[int, Stretch] = field(default_factory=dict)
+
+    @property
+    def stored_bytes(self) -> int:
+        """How many bytes there are in all buffers that were looked at, those of one file counted once."""
+        return sum({stretch.source: stretch.size for stretch in self._buffers.values()}.values())
 
     def linked(self, owner: Fields, name: str, listing: str) -> Fields:
         """Return the object of a list at the top of the file that a field names by its index."""
@@ -144,6 +152,8 @@ def items(fields: Fields, name: str) -> list[Fields]:
     values = fields.values.get(name, [])
     if not isinstance(values, list) or not all(isinstance(each, dict) for each in values):
         raise fields.wrong(name, "a list of objects")
+    if len(values) > ITEMS_MAX:
+        raise fields.corrupt(f"has {len(values)} {fields.where}{name}, expected at most {ITEMS_MAX}")
     return [Fields(fields.corrupt, each, f"{fields.where}{name}[{index}].") for index, each in enumerate(values)]
 
 

@@ -9,13 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from io import BytesIO
 
 from tsplat.errors import LoadError
+from tsplat.io import arrays as spz_arrays
 from tsplat.io.gltf_document import Document, Stretch
 from tsplat.io.gltf_splats import Arrays, Primitive
 from tsplat.io.sog_json import Fields
-from tsplat.io.spz import open_streams, unpack
-from tsplat.io.spz_header import ANTIALIASED, REST_COEFFICIENTS
+from tsplat.io.spz import fill, open_streams
+from tsplat.io.spz_header import ANTIALIASED, REST_COEFFICIENTS, Header, Streams
 
 PACKED = "KHR_gaussian_splatting_compression_"
 SPZ = (f"{PACKED}spz", f"{PACKED}spz_2")
@@ -59,16 +61,19 @@ def find_packed(document: Document, extensions: Fields, splatting: Fields | None
 def _find_spz(document: Document, fields: Fields) -> Primitive:
     stretch = document.stretch(fields)
     with _told_of(document, fields, stretch):
-        header, _ = open_streams(document.path, stretch.read())
+        header, _ = _open(document, stretch)
 
-    def fill(out: Arrays, progress: Callable[[float], None]) -> None:
+    def fill_from_spz(out: Arrays, progress: Callable[[float], None]) -> None:
         with _told_of(document, fields, stretch):
-            _, arrays = unpack(document.path, stretch.read(), progress)
-        for target, source in zip(out, arrays, strict=True):
-            target[:] = source
+            fill(spz_arrays.Arrays(*out), *_open(document, stretch), progress, turned=False)
 
     antialiased = bool(header.flags & ANTIALIASED)
-    return Primitive(header.count, 1 + REST_COEFFICIENTS[header.sh_degree], fill, antialiased)
+    return Primitive(header.count, 1 + REST_COEFFICIENTS[header.sh_degree], fill_from_spz, antialiased)
+
+
+def _open(document: Document, stretch: Stretch) -> tuple[Header, Streams]:
+    content = stretch.read()
+    return open_streams(document.path, BytesIO(content), len(content))
 
 
 @contextmanager

@@ -53,8 +53,8 @@ def move(splats: Arrays, matrix: F64) -> None:
 
 
 def _deform(quats: F32, scales: F32, linear: F64) -> None:
-    lengths = np.linalg.norm(quats, axis=1, keepdims=True)
-    axes = linear @ rotations_of(quats / lengths) * scales[:, None, :]
+    lengths = np.sqrt(np.einsum("ij,ij->i", quats, quats, dtype=np.float64))  # squares leave float32 soon
+    axes = linear @ rotations_of(quats / lengths[:, None]) * scales[:, None, :]
     good = np.isfinite(axes).all(axis=(1, 2))  # the others are dropped, but for these it would not converge
     left, stretches, _ = np.linalg.svd(axes[good])
     left[:, :, 2] *= np.linalg.det(left)[:, None]

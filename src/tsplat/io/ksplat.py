@@ -14,17 +14,19 @@ import numpy as np
 import numpy.typing as npt
 
 from tsplat.errors import CorruptFileError
+from tsplat.io.arrays import F32, Arrays, chunks
 from tsplat.io.finish import finish
 from tsplat.io.ksplat_header import Header, Section, read_header
 from tsplat.io.options import LoadOptions
 from tsplat.io.splat import check_scales, decode_rgba
+from tsplat.io.threads import on_threads
 from tsplat.scene import SH_COEFFICIENTS, Gaussians
 
-F32 = npt.NDArray[np.float32]
 Records = npt.NDArray[np.void]
+Piece = tuple[slice, Section, Records, F32]
 
-CHUNK = 1 << 16
-"""Splats decoded at a time: few enough to stay in the cache, enough for NumPy."""
+NO_ENDS, ORIGIN = np.zeros(0, np.int64), np.zeros((1, 3), np.float32)
+"""Where buckets end, and their centres, in a file without any."""
 
 
 def matches(head: bytes) -> bool:  # noqa: ARG001
@@ -42,26 +44,17 @@ def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) ->
     CorruptFileError
         Its headers contradict each other or the size of the file, or a scale is negative.
     """
-    # What overflows or is nan is dropped in the end.
-    with path.open("rb") as file, np.errstate(over="ignore", invalid="ignore"):
+    with path.open("rb") as file:
         header = read_header(file, path)
         degree = max((section.sh_degree for section in header.sections), default=0)
-        means, quats, scales = (np.empty((header.count, width), np.float32) for width in (3, 4, 3))
-        opacities = np.empty(header.count, np.float32)
-        sh = np.zeros((header.count, SH_COEFFICIENTS[degree], 3), np.float32)
-        done = 0
-        for section in header.sections:
-            columns = harmonics_columns(section.sh_degree, by_channel=header.by_channel)
-            for records, positions in _chunks(file, path, header, section):
-                part = slice(done, done + len(records))
-                means[part], scales[part], quats[part] = positions, records["scales"], records["quats"]
-                opacities[part], sh[part, 0] = decode_rgba(records["rgba"])
-                if len(columns):
-                    rest = _harmonics(header, records["sh"])[:, columns]
-                    sh[part, 1 : 1 + len(columns) // 3] = rest.reshape(len(records), -1, 3)
-                done = part.stop
-                progress(done / header.count)
-        return finish(path, means, quats, scales, opacities, sh, max_splats=options.max_splats)
+        arrays = Arrays.empty(header.count, SH_COEFFICIENTS[degree])
+
+        def decode(piece: Piece) -> None:
+            rows, section, records, centers = piece
+            _decode(header, section, records, centers, arrays.part(rows))
+
+        on_threads(decode, _pieces(file, path, header, progress))
+    return finish(path, *arrays, max_splats=options.max_splats)
 
 
 def harmonics_columns(sh_degree: int, *, by_channel: bool) -> npt.NDArray[np.intp]:
@@ -88,27 +81,39 @@ def harmonics_columns(sh_degree: int, *, by_channel: bool) -> npt.NDArray[np.int
     return np.concatenate(bands)
 
 
-def _harmonics(header: Header, values: npt.NDArray[np.generic]) -> F32:
-    if header.level < 2:
-        return values.astype(np.float32)
-    low, high = header.sh_range
-    return np.float32(low) + values.astype(np.float32) * np.float32((high - low) / 255.0)
+def _pieces(file: BinaryIO, path: Path, header: Header, progress: Callable[[float], None]) -> Iterator[Piece]:
+    # Yields where splats will be, their section, their records, and the centres of their buckets or zero.
+    done = 0
+    for section in header.sections:
+        packed = header.level and section.count  # the buckets of no splats were not checked
+        ends, centers = _buckets(file, path, section) if packed else (NO_ENDS, ORIGIN)
+        for rows in chunks(section.count):
+            offset = section.start + rows.start * section.record.itemsize
+            records = _array(file, path, section.record, rows.stop - rows.start, offset)
+            check_scales(path, records["scales"], offset, section.record, rows.start)
+            buckets = np.searchsorted(ends, np.arange(rows.start, rows.stop), side="right")
+            yield slice(done, done + len(records)), section, records, centers[buckets]
+            done += len(records)
+            progress(done / header.count)
 
 
-def _chunks(file: BinaryIO, path: Path, header: Header, section: Section) -> Iterator[tuple[Records, F32]]:
-    # Yields records, their scales checked, and the means that they stand for.
-    size = section.record.itemsize
-    ends, centers = _buckets(file, path, section) if header.level else (np.zeros(0, np.int64), np.zeros((0, 3)))
-    step = np.float32(section.block / 2.0 / section.steps)
-    for first in range(0, section.count, CHUNK):
-        offset = section.start + first * size
-        records = _array(file, path, section.record, min(CHUNK, section.count - first), offset)
-        check_scales(path, records["scales"], offset, section.record, first)
-        means = records["means"].astype(np.float32)
-        if header.level:
-            bucket_from_splat = np.searchsorted(ends, np.arange(first, first + len(records)), side="right")
-            means = (means - np.float32(section.steps)) * step + centers[bucket_from_splat]
-        yield records, means
+def _decode(header: Header, section: Section, records: Records, centers: F32, out: Arrays) -> None:
+    out.means[:], out.scales[:], out.quats[:] = records["means"], records["scales"], records["quats"]
+    if header.level:
+        np.subtract(out.means, np.float32(section.steps), out=out.means)
+        np.multiply(out.means, np.float32(section.block / 2.0 / section.steps), out=out.means)
+        np.add(out.means, centers, out=out.means)
+    decode_rgba(records["rgba"], out)
+    rest = out.sh.reshape(len(records), -1)[:, 3:]
+    columns = harmonics_columns(section.sh_degree, by_channel=header.by_channel)
+    rest[:, len(columns) :] = 0.0
+    if len(columns):
+        found = rest[:, : len(columns)]
+        found[:] = np.take(records["sh"], columns, axis=1, mode="clip")
+        if header.level == 2:
+            low, high = header.sh_range
+            np.multiply(found, np.float32((high - low) / 255.0), out=found)
+            np.add(found, np.float32(low), out=found)
 
 
 def _buckets(file: BinaryIO, path: Path, section: Section) -> tuple[npt.NDArray[np.int64], F32]:

@@ -7,25 +7,22 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
-import numpy.typing as npt
 
 from tsplat.errors import LoadError, LoadWarning
+from tsplat.importance import most_important
 from tsplat.io import compressed_ply
-from tsplat.io.finish import finish
+from tsplat.io.finish import finish, warn_dropped
 from tsplat.io.options import LoadOptions
 from tsplat.io.ply_columns import NAMES, find_columns, rest_names
 from tsplat.io.ply_comments import antialias_comments, is_antialiased
-from tsplat.io.ply_decode import Decoder
+from tsplat.io.ply_decode import Decoder, Piece
 from tsplat.io.ply_header import MAGIC, read_header
-from tsplat.io.ply_rows import chunk_rows, find_rows, read_rows
+from tsplat.io.ply_rows import find_rows, read_rows
 from tsplat.scene import Gaussians
-
-F32 = npt.NDArray[np.float32]
 
 OPACITY_EPS = 1e-7
 """Opacities are kept this far from 0 and 1 in a file, where their logits would be infinite."""
@@ -51,33 +48,36 @@ def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) ->
     with path.open("rb") as file:
         header = read_header(file, path)
         if compressed_ply.is_compressed(header):
-            with np.errstate(over="ignore", invalid="ignore"):  # bounds of nan or inf: dropped by `finish`
-                arrays = compressed_ply.read_arrays(file, path, header, progress)
-                return finish(
-                    path, *arrays, max_splats=options.max_splats, antialiased=is_antialiased(header.comments)
-                )
+            arrays = compressed_ply.read_arrays(file, path, header, progress)
+            antialiased = is_antialiased(header.comments)
+            return finish(path, *arrays, max_splats=options.max_splats, antialiased=antialiased)
         vertex = header.element("vertex")
         if vertex is None:
             raise LoadError(path, "holds no element 'vertex', so it is no splat scene; choose another file")
         columns = find_columns(path, vertex)
         start = find_rows(file, path, header, vertex)
 
-        def chunks(begin: float, end: float) -> Iterator[F32]:
+        def pieces(begin: float, end: float) -> Iterator[Piece]:
             done = 0
             for rows in read_rows(file, path, header, vertex, start):
-                yield rows
+                yield slice(done, done + len(rows)), rows
                 done += len(rows)
                 progress(begin + (end - begin) * done / vertex.count)
 
-        decoder = Decoder(columns, chunk_rows(vertex), options.raw_opacity)
+        decoder = Decoder(columns, options.raw_opacity)
         limit = options.max_splats
         if limit is None or limit >= vertex.count:
-            gaussians = decoder.gather(chunks(0.0, 1.0), vertex.count)
+            arrays = decoder.gather(pieces(0.0, 1.0), vertex.count)
+            clamped = sum(decoder.clamped)
         else:
-            chosen = decoder.choose(chunks(0.0, 0.5), vertex.count, limit)
-            gaussians = decoder.gather(chunks(0.5, 1.0), limit, chosen)
-    _warn(path, vertex.count, decoder)
-    return replace(gaussians, antialiased=is_antialiased(header.comments))
+            scores = decoder.score(pieces(0.0, 0.5), vertex.count)
+            clamped = sum(decoder.clamped)
+            warn_dropped(path, int(np.count_nonzero(scores < 0.0)), vertex.count, stacklevel=4)
+            arrays = decoder.pick(pieces(0.5, 1.0), most_important(scores, limit))
+    if clamped:
+        problem = f"{clamped} of {vertex.count} opacities lay outside 0 to 1 and were clamped"
+        warnings.warn(f"{path}: {problem}; logits should be read without raw_opacity", LoadWarning, stacklevel=3)
+    return finish(path, *arrays, max_splats=None, antialiased=is_antialiased(header.comments))
 
 
 def write(file: BinaryIO, gaussians: Gaussians) -> None:
@@ -113,12 +113,3 @@ def write(file: BinaryIO, gaussians: Gaussians) -> None:
             gaussians.quats[part],
         )
         file.write(np.concatenate(columns, axis=1).astype("<f4").tobytes())
-
-
-def _warn(path: Path, count: int, decoder: Decoder) -> None:
-    if decoder.dropped:
-        problem = f"dropped {decoder.dropped} of {count} splats: nan, inf or a zero quat"
-        warnings.warn(f"{path}: {problem}", LoadWarning, stacklevel=4)
-    if decoder.clamped:
-        problem = f"{decoder.clamped} of {count} opacities lay outside 0 to 1 and were clamped"
-        warnings.warn(f"{path}: {problem}; logits should be read without raw_opacity", LoadWarning, stacklevel=4)

@@ -1,126 +1,97 @@
-"""Rows of a splat PLY to `Gaussians`: sigmoid, exp, unit quats, and broken splats left out."""
+"""Rows of a splat PLY to the arrays of `Gaussians`: exp and sigmoid; what those would hide becomes nan."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 import numpy.typing as npt
 
-from tsplat.importance import importance, most_important
+from tsplat.io.arrays import F32, Arrays
+from tsplat.io.finish import mark_finite, mend, scores
 from tsplat.io.ply_columns import Columns
-from tsplat.scene import Gaussians
+from tsplat.io.threads import on_threads
 
-F32 = npt.NDArray[np.float32]
 Mask = npt.NDArray[np.bool_]
-Arrays = dict[str, F32]
+Piece = tuple[slice, F32]
+"""Which rows of the arrays, and the columns of a file for them."""
 
 RAW_TOLERANCE = 1e-3
 """Activated opacities may leave [0, 1] this far by rounding; beyond it they were something else."""
 
 
 class Decoder:
-    """Turns chunks of rows into Gaussians, and counts what it dropped or mended on the way.
+    """Turns pieces of the file into arrays, and counts what it mended on the way.
 
     Parameters
     ----------
     columns : dict of str to ndarray of intp
         As `tsplat.io.ply_columns.find_columns` returned them.
-    chunk_rows : int
-        Rows in a chunk at most.
     raw_opacity : bool
         Whether opacities are activated already.
 
     Attributes
     ----------
-    dropped : int
-        Splats left out for a value that is nan or inf, or a quat that is zero.
-    clamped : int
-        Activated opacities that lay clearly outside [0, 1].
+    clamped : list of int
+        Activated opacities that lay clearly outside [0, 1], by piece.
     """
 
-    def __init__(self, columns: Columns, chunk_rows: int, raw_opacity: bool) -> None:
-        self._columns, self._chunk_rows, self._raw_opacity = columns, chunk_rows, raw_opacity
-        self.dropped = self.clamped = 0
+    def __init__(self, columns: Columns, raw_opacity: bool) -> None:
+        self._columns, self._raw_opacity = columns, raw_opacity
+        self._k = len(columns["sh"]) // 3
+        self.clamped: list[int] = []
 
-    def choose(self, chunks: Iterable[F32], count: int, limit: int) -> Mask:
-        """Mark the ``limit`` splats of ``count`` that matter most; bool [count]."""
-        arrays, scores, at = self._allocate(self._chunk_rows), np.empty(count, np.float32), 0
-        for rows in chunks:
-            part = {field: array[: len(rows)] for field, array in arrays.items()}
-            valid = self._decode(rows, part)
-            score = np.full(len(rows), -1.0, np.float32)
-            score[valid] = importance(part["scales"][valid], part["opacities"][valid, 0])
-            scores[at : at + len(rows)] = score
-            at += len(rows)
-        return most_important(scores, limit)
+    def gather(self, pieces: Iterable[Piece], count: int) -> Arrays:
+        """Decode pieces of ``count`` splats where they will stay."""
+        arrays = Arrays.empty(count, self._k)
+        on_threads(lambda piece: self._decode(piece[1], arrays.part(piece[0])), pieces)
+        return arrays
 
-    def gather(self, chunks: Iterable[F32], count: int, chosen: Mask | None = None) -> Gaussians:
-        """Decode every chunk and keep the ``chosen`` splats, by default all that are valid.
+    def score(self, pieces: Iterable[Piece], count: int) -> F32:
+        """Return what `most_important` chooses by, -1 for splats that cannot be drawn; float32 [count]."""
+        found = np.empty(count, np.float32)
 
-        The arrays are allocated once, for all ``count`` splats that may come, and cut at the end:
-        each chunk is decoded where it will stay.
-        """
-        arrays = self._allocate(count if chosen is None else count + self._chunk_rows)
-        counts = self.dropped, self.clamped
-        kept = first = 0
-        for rows in chunks:
-            n = len(rows)
-            part = {field: array[kept : kept + n] for field, array in arrays.items()}
-            valid = self._decode(rows, part)
-            keep = valid if chosen is None else chosen[first : first + n]
-            stay = int(np.count_nonzero(keep))
-            if stay < n:
-                for array in part.values():
-                    array[:stay] = array[keep]
-            kept, first = kept + stay, first + n
-        if chosen is not None:
-            self.dropped, self.clamped = counts  # these rows were counted when they were chosen
-        part = {}  # no view of the arrays may outlive their resize
-        for array in arrays.values():
-            array.resize((kept, *array.shape[1:]), refcheck=False)
-        k = arrays["sh"].shape[1] // 3
-        return Gaussians(
-            arrays["means"],
-            arrays["quats"],
-            arrays["scales"],
-            arrays["opacities"].reshape(kept),
-            arrays["sh"].reshape(kept, k, 3),
-        )
+        def score_piece(piece: Piece) -> None:
+            rows, values = piece
+            part = Arrays.empty(len(values), self._k)
+            self._decode(values, part)
+            found[rows] = scores(part, mend(part))
 
-    def _allocate(self, n: int) -> Arrays:
-        return {field: np.empty((n, len(columns)), np.float32) for field, columns in self._columns.items()}
+        on_threads(score_piece, pieces)
+        return found
 
-    def _decode(self, rows: F32, out: Arrays) -> Mask:
-        # Fills `out` and returns which rows are splats; the others hold anything.
-        with np.errstate(all="ignore"):
-            valid = np.ones(len(rows), np.bool_)
-            for field, columns in self._columns.items():
-                np.take(rows, columns, axis=1, out=out[field], mode="clip")
-                _mark_finite(out[field], valid)
-            np.exp(out["scales"], out=out["scales"])
-            _mark_finite(out["scales"], valid)
-            norms = np.sqrt(np.einsum("ij,ij->i", out["quats"], out["quats"], dtype=np.float64))
-            valid &= norms > 0.0
-            np.divide(out["quats"], norms[:, None], out=out["quats"], casting="same_kind")
-            self._activate(out["opacities"], valid)
-        self.dropped += len(rows) - int(np.count_nonzero(valid))
-        return valid
+    def pick(self, pieces: Iterable[Piece], chosen: Mask) -> Arrays:
+        """Decode the ``chosen`` splats only."""
 
-    def _activate(self, opacities: F32, valid: Mask) -> None:
+        def picked() -> Iterator[Piece]:
+            kept = 0
+            for rows, values in pieces:
+                wanted = values[chosen[rows]]
+                yield slice(kept, kept + len(wanted)), wanted
+                kept += len(wanted)
+
+        return self.gather(picked(), int(np.count_nonzero(chosen)))
+
+    def _decode(self, values: F32, out: Arrays) -> None:
+        good = np.ones(len(values), np.bool_)
+        for name, columns in self._columns.items():
+            flat = getattr(out, name).reshape(len(values), len(columns))
+            np.take(values, columns, axis=1, out=flat, mode="clip")
+        # Of these, exp and sigmoid make numbers again.
+        mark_finite(out.scales, good)
+        mark_finite(out.opacities, good)
+        if not good.all():
+            out.means[~good] = np.nan
+        np.exp(out.scales, out=out.scales)
+        self._activate(out.opacities, good)
+
+    def _activate(self, opacities: F32, good: Mask) -> None:
         if self._raw_opacity:
-            outside = (opacities[:, 0] < -RAW_TOLERANCE) | (opacities[:, 0] > 1.0 + RAW_TOLERANCE)
-            self.clamped += int(np.count_nonzero(outside & valid))
+            outside = (opacities < -RAW_TOLERANCE) | (opacities > 1.0 + RAW_TOLERANCE)
+            self.clamped.append(int(np.count_nonzero(outside & good)))
             np.clip(opacities, 0.0, 1.0, out=opacities)
         else:
-            np.exp(-opacities, out=opacities)
+            np.negative(opacities, out=opacities)
+            np.exp(opacities, out=opacities)
             opacities += 1.0
             np.reciprocal(opacities, out=opacities)
-
-
-def _mark_finite(array: F32, valid: Mask) -> None:
-    # One pass where all is well: a nan or inf anywhere shows in the sum. An overflowing sum of
-    # finite values only costs the exact test.
-    if not math.isfinite(array.sum()):
-        valid &= np.isfinite(array).all(axis=1)

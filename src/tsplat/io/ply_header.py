@@ -18,6 +18,9 @@ MAGIC = (b"ply\n", b"ply\r\n")
 MAX_HEADER = 1 << 18
 """Bytes searched for ``end_header``: a hundred times what splat files need, and quick to read."""
 
+MAX_ELEMENTS = 100
+"""Splat files have three at most; a hostile header would make the checks slow."""
+
 MAX_COLUMNS = 1000
 """Properties of one element: splats have 62, and a hostile header would make the checks slow."""
 
@@ -157,6 +160,8 @@ def read_header(file: BinaryIO, path: Path) -> Header:
 def _element(name: str, count: str, before: list[Element], fault: _Fault) -> Element:
     if not (count.isascii() and count.isdigit() and len(count) < 19):
         raise fault(f"element {_shown(name)} has count {_shown(count)}, expected a whole number from 0")
+    if len(before) >= MAX_ELEMENTS:
+        raise fault(f"more than {MAX_ELEMENTS} elements; remove what is not needed")
     if any(element.name == name for element in before):
         raise fault(f"element {_shown(name)} is declared twice; each name must be unique")
     return Element(name, int(count), ())
@@ -181,4 +186,5 @@ def _with_property(element: Element, words: list[str], fault: _Fault) -> Element
 
 def _shown(text: str) -> str:
     # Names come from the file: quoted, with control characters escaped, and never longer than a line.
-    return ascii(text if len(text) <= 60 else text[:57] + "...")
+    shown = ascii(text)
+    return shown if len(shown) <= 60 else f"{shown[:56]}...{shown[0]}"

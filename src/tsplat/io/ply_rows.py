@@ -1,7 +1,7 @@
 """The rows of one element of a PLY file as float32, a chunk at a time, whatever their encoding.
 
-Chunks are read into one buffer that is used again, not mapped: every mapped page would count as
-memory of this process, and a chunk of this size is decoded while it is still in the cache.
+Chunks are read, not mapped: every mapped page would count as memory of this process, and a chunk of this
+size is decoded while it is still in the cache.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tsplat.errors import CorruptFileError
+from tsplat.io.arrays import chunks
 from tsplat.io.ply_header import Element, Header
 
 F32 = npt.NDArray[np.float32]
@@ -24,11 +25,6 @@ CHUNK_BYTES = 1 << 19
 
 MAX_LINE = 1 << 20
 """Bytes read at once in search of a line's end."""
-
-
-def chunk_rows(element: Element) -> int:
-    """Return how many rows `read_rows` yields at a time, at least 1."""
-    return max(1, CHUNK_BYTES // max(4 * len(element.properties), element.least_bytes, 1))
 
 
 def read_rows(file: BinaryIO, path: Path, header: Header, element: Element, start: int) -> Iterator[F32]:
@@ -50,7 +46,7 @@ def read_rows(file: BinaryIO, path: Path, header: Header, element: Element, star
     Yields
     ------
     ndarray of float32, [n, P]
-        All P columns of n rows, n at most `chunk_rows`. Valid until the next one is asked for.
+        All P columns of n rows.
 
     Raises
     ------
@@ -94,29 +90,24 @@ def find_rows(file: BinaryIO, path: Path, header: Header, element: Element) -> i
 def _binary_rows(file: BinaryIO, path: Path, element: Element, byte_order: str) -> Iterator[F32]:
     record = np.dtype([(prop.name, byte_order + prop.code) for prop in element.properties])
     all_float = all(prop.code == "f4" for prop in element.properties)
-    size = chunk_rows(element)
-    buffer = np.empty(size, record)
-    rows = buffer.view(byte_order + "f4").reshape(size, -1) if all_float else None
-    native = np.empty((size, len(element.properties)), np.float32)
-    for first in range(0, element.count, size):
-        n = min(size, element.count - first)
-        got = file.readinto(buffer[:n].view(np.uint8).data)  # type: ignore[attr-defined]
-        if got < n * record.itemsize:
-            raise _ended(path, element, first + got // record.itemsize, file.tell())
-        if rows is None:
+    for part in chunks(element.count, _chunk_rows(element)):
+        n = part.stop - part.start
+        buffer = np.empty(n, record)
+        got = file.readinto(buffer.view(np.uint8).data)  # type: ignore[attr-defined]
+        if got < buffer.nbytes:
+            raise _ended(path, element, part.start + got // record.itemsize, file.tell())
+        if all_float:
+            yield buffer.view(byte_order + "f4").reshape(n, -1).astype(np.float32, copy=False)
+        else:
+            rows = np.empty((n, len(element.properties)), np.float32)
             with np.errstate(over="ignore", invalid="ignore"):  # a double may overflow to inf: dropped later
                 for column, prop in enumerate(element.properties):
-                    native[:n, column] = buffer[prop.name][:n]
-            yield native[:n]
-        elif rows.dtype.isnative:
-            yield rows[:n]
-        else:
-            native[:n] = rows[:n]
-            yield native[:n]
+                    rows[:, column] = buffer[prop.name]
+            yield rows
 
 
 def _text_rows(file: BinaryIO, path: Path, element: Element) -> Iterator[F32]:
-    size, columns = chunk_rows(element), len(element.properties)
+    size, columns = _chunk_rows(element), len(element.properties)
     for first in range(0, element.count, size):
         lines: list[list[bytes]] = []
         start = file.tell()
@@ -130,10 +121,12 @@ def _text_rows(file: BinaryIO, path: Path, element: Element) -> Iterator[F32]:
             lines.append(words)
         try:
             with np.errstate(over="ignore", invalid="ignore"):
-                yield np.array(lines, np.bytes_).astype(np.float64).astype(np.float32)
+                # One by one: an array of words would give each the room of the longest.
+                rows = np.array([[*map(float, words)] for words in lines]).astype(np.float32)
         except ValueError as error:
             problem = f"rows {first} to {first + len(lines) - 1} of {element.name!a} hold a word that is no number"
             raise CorruptFileError(path, f"{problem}; the file is damaged, fetch it again", start) from error
+        yield rows
 
 
 def _skip_lines(file: BinaryIO, path: Path, element: Element, position: int) -> int:
@@ -165,6 +158,10 @@ def _skip_lists(file: BinaryIO, path: Path, element: Element, position: int, siz
             if position > size:
                 raise _ended(path, element, row, size)
     return position
+
+
+def _chunk_rows(element: Element) -> int:
+    return max(1, CHUNK_BYTES // max(4 * len(element.properties), element.least_bytes, 1))
 
 
 def _ended(path: Path, element: Element, row: int, offset: int) -> CorruptFileError:

@@ -7,20 +7,27 @@ Source: the SOG specification on developer.playcanvas.com. Writers keep the axes
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from tsplat.errors import CorruptFileError, LoadError, OptionError
+from tsplat.io.arrays import Arrays
 from tsplat.io.finish import finish
 from tsplat.io.options import LoadOptions
-from tsplat.io.sog_files import ZIP_MAGICS, Archive, Folder
-from tsplat.io.sog_json import Fields, read_fields
+from tsplat.io.sog_files import ZIP_MAGICS, Archive, Files, Folder
+from tsplat.io.sog_json import META_BYTES, Fields, read_fields
 from tsplat.io.sog_lod import Piece, Run, is_streamed, pieces_of_level
-from tsplat.io.sog_meta import parse_meta
-from tsplat.io.sog_splats import Splats, read_splats
+from tsplat.io.sog_meta import Meta, parse_meta
+from tsplat.io.sog_planes import SPARE_PIXELS
+from tsplat.io.sog_splats import check_count, count_coefficients, read_splats
 from tsplat.scene import Gaussians
+
+Mask = npt.NDArray[np.bool_]
 
 META_NAME = "meta.json"
 
@@ -40,68 +47,86 @@ def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) ->
     CorruptFileError
         It is no zip or JSON of a scene, or its planes contradict it.
     """
-    # What is too large for float32 became inf; finish counts and drops it.
-    with np.errstate(over="ignore", invalid="ignore"):
-        *arrays, antialiased = _read_any(path, options.lod, progress)
-        return finish(path, *arrays, max_splats=options.max_splats, antialiased=antialiased)
+    scenes = _find_scenes(path, options.lod)
+    if (unpaid := sum(scene.unpaid for scene in scenes)) > SPARE_PIXELS:
+        problem = f"its scenes have {unpaid} splats more than their means hold, expected at most {SPARE_PIXELS}"
+        raise CorruptFileError(path, f"{problem}; fetch it again")
+    k = max(scene.k for scene in scenes)
+    arrays = Arrays.empty(sum(scene.kept for scene in scenes), k)
+    done = 0
+    for number, scene in enumerate(scenes):
+
+        def share(fraction: float, number: int = number) -> None:
+            progress((number + fraction) / len(scenes))
+
+        with _open(scene.path) as files:
+            read_splats(files, scene.meta, scene.wanted, arrays.part(slice(done, done + scene.kept)), share)
+        done += scene.kept
+    antialiased = all(scene.meta.antialiased for scene in scenes)
+    gaussians = finish(path, *arrays, max_splats=options.max_splats, antialiased=antialiased)
+    progress(1.0)
+    return gaussians
 
 
-def _read_any(path: Path, level: int | None, progress: Callable[[float], None]) -> Splats:
+class _Scene(NamedTuple):
+    """One meta.json, how many coefficients its colours have, which splats are wanted, and `check_count`."""
+
+    path: Path
+    meta: Meta
+    k: int
+    wanted: Mask | None
+    unpaid: int
+
+    @property
+    def kept(self) -> int:
+        """How many splats are wanted."""
+        return self.meta.count if self.wanted is None else int(np.count_nonzero(self.wanted))
+
+
+def _find_scenes(path: Path, level: int | None) -> list[_Scene]:
     if not _begins_as_zip(path):
         fields = read_fields(Folder(path), path.name)
         if is_streamed(fields):
-            return _read_streamed(path.parent, fields, pieces_of_level(fields, level), progress)
+            return [_find_piece(path.parent, fields, piece) for piece in pieces_of_level(fields, level)]
         if not fields.has("means"):
             problem = "is JSON, but neither a meta.json nor a lod-meta.json of a SOG scene; choose another file"
             raise LoadError(path, problem)
     if level:
         raise OptionError(f"lod must be 0 in a scene that is not streamed, got {level}")
-    return _read_one(path, progress)
+    return [_find_scene(path, None)]
 
 
-def _read_streamed(folder: Path, fields: Fields, pieces: list[Piece], progress: Callable[[float], None]) -> Splats:
-    parts = []
-    for done, piece in enumerate(pieces):
-
-        def share(fraction: float, done: int = done) -> None:
-            progress((done + fraction) / len(pieces))
-
-        path = folder / piece.name
-        if not path.is_file():
-            raise fields.corrupt(f"names {piece.name!a}, which is missing, expected a file beside it; fetch it")
-        whole = _read_one(path, share)
-        count = len(whole.means)
-        if piece.runs is not None and (end := sum(piece.runs[-1])) > count:
-            raise fields.corrupt(f"names splat {end - 1} of {piece.name!a}, expected less than {count}")
-        parts.append(whole if piece.runs is None else _take_runs(whole, piece.runs))
-    return _joined(parts)
+def _find_piece(folder: Path, fields: Fields, piece: Piece) -> _Scene:
+    path = folder / piece.name
+    if not path.is_file():
+        raise fields.corrupt(f"names {piece.name!a}, which is missing, expected a file beside it; fetch it")
+    scene = _find_scene(path, piece.runs)
+    if piece.runs is not None and (end := sum(piece.runs[-1])) > scene.meta.count:
+        raise fields.corrupt(f"names splat {end - 1} of {piece.name!a}, expected less than {scene.meta.count}")
+    return scene
 
 
-def _take_runs(splats: Splats, runs: list[Run]) -> Splats:
-    wanted = np.zeros(len(splats.means), bool)
-    for offset, count in runs:
-        wanted[offset : offset + count] = True
-    if wanted.all():
-        return splats
-    means, quats, scales, opacities, sh = (array[wanted] for array in splats[:5])
-    return Splats(means, quats, scales, opacities, sh, splats.antialiased)
+def _find_scene(path: Path, runs: list[Run] | None) -> _Scene:
+    with _open(path) as files:
+        zipped = isinstance(files, Archive)
+        meta = parse_meta(read_fields(files, META_NAME, META_BYTES) if zipped else read_fields(files, path.name))
+        unpaid = check_count(files, meta)
+        k = count_coefficients(files, meta)
+    wanted = None
+    if runs is not None:
+        wanted = np.zeros(meta.count, np.bool_)
+        for offset, count in runs:
+            wanted[offset : offset + count] = True
+    return _Scene(path, meta, k, None if wanted is None or wanted.all() else wanted, unpaid)
 
 
-def _joined(parts: list[Splats]) -> Splats:
-    if len(parts) == 1:
-        return parts[0]
-    k = max(part.sh.shape[1] for part in parts)
-    even = [part._replace(sh=np.pad(part.sh, ((0, 0), (0, k - part.sh.shape[1]), (0, 0)))) for part in parts]
-    means, quats, scales, opacities, sh = (np.concatenate(column) for column in list(zip(*even, strict=True))[:5])
-    return Splats(means, quats, scales, opacities, sh, all(part.antialiased for part in parts))
-
-
-def _read_one(path: Path, progress: Callable[[float], None]) -> Splats:
+@contextmanager
+def _open(path: Path) -> Iterator[Files]:
     if _begins_as_zip(path):
         with Archive(path) as archive:
-            return read_splats(archive, parse_meta(read_fields(archive, META_NAME)), progress)
-    folder = Folder(path)
-    return read_splats(folder, parse_meta(read_fields(folder, path.name)), progress)
+            yield archive
+    else:
+        yield Folder(path)
 
 
 def _begins_as_zip(path: Path) -> bool:

@@ -5,6 +5,7 @@ Both read whole files of limited size, and nothing outside themselves whatever a
 
 from __future__ import annotations
 
+import os
 import zipfile
 import zlib
 from pathlib import Path, PurePosixPath
@@ -44,7 +45,8 @@ class Folder:
 
     def read(self, name: str, limit: int) -> bytes:
         with self._find(name).open("rb") as file:
-            return file.read(limit)
+            # As much as is asked for would be allocated at once.
+            return file.read(min(limit, os.fstat(file.fileno()).st_size))
 
     def corrupt(self, name: str, problem: str) -> CorruptFileError:
         return CorruptFileError(self.path / name, f"{problem}; fetch it again")
@@ -96,6 +98,10 @@ class Archive:
 
     def read(self, name: str, limit: int) -> bytes:
         entry = self._find(name)
+        if entry.compress_size > (there := self.path.stat().st_size):
+            raise self.corrupt(
+                name, f"takes {entry.compress_size} bytes by the zip's directory, {there} are there"
+            )
         try:
             with self._zip.open(entry) as file:
                 content = file.read(limit)
@@ -108,7 +114,7 @@ class Archive:
     def corrupt(self, name: str, problem: str) -> CorruptFileError:
         entry = self._zip.NameToInfo.get(name)
         offset = entry.header_offset if entry else None
-        return CorruptFileError(self.path, f"{name!a} {problem}; fetch it again", offset)
+        return CorruptFileError(self.path, f"{ascii(name)[:NAME_CHARS]} {problem}; fetch it again", offset)
 
     def _find(self, name: str) -> zipfile.ZipInfo:
         entry = self._zip.NameToInfo.get(name)

@@ -18,6 +18,9 @@ F64 = npt.NDArray[np.float64]
 JSON_BYTES = 1 << 24
 """Larger files are no lists of names and codebooks; parsed, this one would already take hundreds of megabytes."""
 
+META_BYTES = 1 << 18
+"""Ten times what the three codebooks of one scene take, and what may be made of a few packed bytes in a zip."""
+
 
 @dataclass(frozen=True, slots=True)
 class Fields:
@@ -90,17 +93,17 @@ class Fields:
         return self.corrupt(f"field {self.where}{name} {value}, expected {expected}")
 
 
-def read_fields(files: Files, name: str) -> Fields:
-    """Return the JSON object that a file holds.
+def read_fields(files: Files, name: str, most: int = JSON_BYTES) -> Fields:
+    """Return the JSON object that a file of at most so many bytes holds.
 
     Raises
     ------
     CorruptFileError
         It is too large, no JSON, or no object.
     """
-    text = files.read(name, JSON_BYTES + 1)
-    if len(text) > JSON_BYTES:
-        raise files.corrupt(name, f"holds more than {JSON_BYTES} bytes, expected less of a list of planes")
+    text = files.read(name, most + 1)
+    if len(text) > most:
+        raise files.corrupt(name, f"holds more than {most} bytes, expected less of a list of planes")
     try:
         values = json.loads(text)
     except (ValueError, RecursionError) as error:

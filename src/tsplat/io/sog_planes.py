@@ -24,6 +24,21 @@ SPARE_PIXELS = 1 << 16
 HEADER_BYTES = 30
 
 
+def plane_size(files: Files, name: str, pixels: int, most: int | None = None) -> tuple[int, int]:
+    """Return width and height by the header of an image; see `read_plane` for the parameters.
+
+    Raises
+    ------
+    CorruptFileError
+        It is no WebP image, or of another size.
+    """
+    width, height = _size(files, name)
+    allowed = min((2 * pixels if most is None else most) + SPARE_PIXELS, PIXELS_MAX)
+    if not pixels <= width * height <= allowed:
+        raise files.corrupt(name, f"is {width}x{height} pixels, expected {pixels} to {allowed} in all")
+    return width, height
+
+
 def read_plane(files: Files, name: str, pixels: int, most: int | None = None) -> U8:
     """Return the pixels of an image.
 
@@ -48,10 +63,7 @@ def read_plane(files: Files, name: str, pixels: int, most: int | None = None) ->
     CorruptFileError
         It is no WebP image, broken, or of another size; nothing was decoded where the header says so.
     """
-    width, height = _size(files, name)
-    allowed = min((2 * pixels if most is None else most) + SPARE_PIXELS, PIXELS_MAX)
-    if not pixels <= width * height <= allowed:
-        raise files.corrupt(name, f"is {width}x{height} pixels, expected {pixels} to {allowed} in all")
+    width, height = plane_size(files, name, pixels, most)
     # Even noise takes four bytes a pixel, and a few for its tables.
     limit = 5 * width * height + SPARE_PIXELS
     encoded = files.read(name, limit + 1)
@@ -69,7 +81,7 @@ def _decode(files: Files, name: str, encoded: bytes, size: tuple[int, int]) -> U
         with Image.open(io.BytesIO(encoded), formats=("WEBP",)) as image:
             if image.size != size:
                 raise files.corrupt(name, f"is {image.size} pixels inside, expected {size} as its header says")
-            return np.asarray(image.convert("RGBA"))
+            return np.asarray(image if image.mode == "RGBA" else image.convert("RGBA"))
     except (OSError, SyntaxError, RuntimeError, EOFError, Image.DecompressionBombError) as error:
         raise files.corrupt(name, "cannot be decoded, expected a whole WebP image") from error
 

@@ -7,7 +7,7 @@ red, green, blue and opacity, then ``wxyz`` of the quat, a byte each. 128 is a z
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
@@ -15,22 +15,25 @@ import numpy as np
 import numpy.typing as npt
 
 from tsplat.errors import CorruptFileError
+from tsplat.io.arrays import F32, Arrays, chunks
 from tsplat.io.finish import finish
 from tsplat.io.options import LoadOptions
+from tsplat.io.threads import on_threads
 from tsplat.scene import Gaussians
 
-F32 = npt.NDArray[np.float32]
 U8 = npt.NDArray[np.uint8]
+Records = npt.NDArray[np.void]
 
 RECORD = np.dtype([("means", "<f4", 3), ("scales", "<f4", 3), ("rgba", "u1", 4), ("quats", "u1", 4)])
-
-CHUNK = 1 << 16
-"""Splats decoded at a time: few enough to stay in the cache, enough for NumPy."""
 
 SH_C0 = 0.28209479177387814
 """The constant basis of the spherical harmonics, 1 / (2 sqrt(pi))."""
 
-QUAT_STEPS = 128.0
+QUAT_STEPS = np.float32(128.0)
+
+OPACITIES = np.arange(256, dtype=np.float32) / np.float32(255.0)
+COLORS = (OPACITIES - np.float32(0.5)) / np.float32(SH_C0)
+"""What a byte stands for."""
 
 
 def matches(head: bytes) -> bool:  # noqa: ARG001
@@ -52,21 +55,27 @@ def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) ->
             problem = f"size: {size} bytes, expected a multiple of {RECORD.itemsize}; fetch it again"
             raise CorruptFileError(path, problem, size - size % RECORD.itemsize)
         count = size // RECORD.itemsize
-        means, quats, scales = (np.empty((count, width), np.float32) for width in (3, 4, 3))
-        opacities, sh = np.empty(count, np.float32), np.empty((count, 1, 3), np.float32)
-        for first in range(0, count, CHUNK):
-            records = np.fromfile(file, RECORD, min(CHUNK, count - first))
-            part = slice(first, first + len(records))
-            if len(records) < min(CHUNK, count - first):
-                problem = f"records: ends after {part.stop}, expected {count}; fetch it again"
-                raise CorruptFileError(path, problem, file.tell())
-            check_scales(path, records["scales"], first * RECORD.itemsize, RECORD, first)
-            means[part], scales[part] = records["means"], records["scales"]
-            quats[part] = (records["quats"].astype(np.float32) - QUAT_STEPS) / QUAT_STEPS
-            opacities[part], sh[part, 0] = decode_rgba(records["rgba"])
-            progress(part.stop / count)
-    with np.errstate(over="ignore", invalid="ignore"):  # a nan is dropped, and what a sum cannot hold with it
-        return finish(path, means, quats, scales, opacities, sh, max_splats=options.max_splats)
+        arrays = Arrays.empty(count, 1)
+
+        def pieces() -> Iterator[tuple[slice, Records]]:
+            for rows in chunks(count):
+                records = np.fromfile(file, RECORD, rows.stop - rows.start)
+                if len(records) < rows.stop - rows.start:
+                    problem = f"records: ends after {rows.start + len(records)}, expected {count}; fetch it again"
+                    raise CorruptFileError(path, problem, file.tell())
+                check_scales(path, records["scales"], rows.start * RECORD.itemsize, RECORD, rows.start)
+                yield rows, records
+                progress(rows.stop / count)
+
+        def decode(piece: tuple[slice, Records]) -> None:
+            rows, records = piece
+            out = arrays.part(rows)
+            out.means[:], out.scales[:] = records["means"], records["scales"]
+            np.subtract(records["quats"], QUAT_STEPS, out=out.quats)
+            decode_rgba(records["rgba"], out)
+
+        on_threads(decode, pieces())
+    return finish(path, *arrays, max_splats=options.max_splats)
 
 
 def write(file: BinaryIO, gaussians: Gaussians) -> None:
@@ -79,8 +88,7 @@ def write(file: BinaryIO, gaussians: Gaussians) -> None:
     gaussians : Gaussians
         The scene. What colours change with the view is left out, and a colour is cut to 0 to 1.
     """
-    for first in range(0, len(gaussians), CHUNK):
-        part = slice(first, first + CHUNK)
+    for part in chunks(len(gaussians)):
         records = np.empty(len(gaussians.means[part]), RECORD)
         records["means"], records["scales"] = gaussians.means[part], gaussians.scales[part]
         records["rgba"][:, :3] = _bytes((0.5 + SH_C0 * gaussians.sh[part, 0]) * 255.0)
@@ -89,10 +97,10 @@ def write(file: BinaryIO, gaussians: Gaussians) -> None:
         file.write(records.tobytes())
 
 
-def decode_rgba(rgba: U8) -> tuple[F32, F32]:
-    """Return opacities [N] and the first coefficient of the colours [N, 3] of uint8 [N, 4]."""
-    values = rgba.astype(np.float32) / np.float32(255.0)
-    return values[:, 3], (values[:, :3] - np.float32(0.5)) / np.float32(SH_C0)
+def decode_rgba(rgba: U8, out: Arrays) -> None:
+    """Fill opacities and the first coefficient of the colours from uint8 [N, 4]."""
+    np.take(OPACITIES, rgba[:, 3], out=out.opacities, mode="clip")
+    out.sh[:, 0] = np.take(COLORS, rgba[:, :3], mode="clip")
 
 
 def check_scales(path: Path, scales: F32, offset: int, record: np.dtype[np.void], index: int) -> None:
@@ -116,9 +124,9 @@ def check_scales(path: Path, scales: F32, offset: int, record: np.dtype[np.void]
     CorruptFileError
         A scale is below zero.
     """
-    negative = (scales < 0.0).any(axis=1)
+    negative = scales < 0.0
     if negative.any():
-        row = int(negative.argmax())
+        row = int(negative.any(axis=1).argmax())
         problem = f"scale of splat {index + row}: {scales[row].min():.6g}, expected 0 or more; fetch it again"
         raise CorruptFileError(path, problem, offset + row * record.itemsize)
 

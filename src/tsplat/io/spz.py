@@ -5,27 +5,19 @@ Source: the README of github.com/nianticlabs/spz and what its version 3 library 
 
 from __future__ import annotations
 
+import os
 import warnings
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
 from tsplat.errors import CorruptFileError, LoadWarning
+from tsplat.io.arrays import Arrays, chunks
 from tsplat.io.finish import finish
 from tsplat.io.options import LoadOptions
-from tsplat.io.spz_decode import (
-    F32,
-    decode_first_three,
-    decode_fixed,
-    decode_half,
-    decode_opacities,
-    decode_scales,
-    decode_sh,
-    decode_smallest_three,
-    half_turn,
-)
-from tsplat.io.spz_gzip import open_bare, open_gzip
+from tsplat.io.spz_decode import decode
+from tsplat.io.spz_gzip import BareStreams, GzipStreams
 from tsplat.io.spz_header import (
     ANTIALIASED,
     GZIP_MAGIC,
@@ -33,11 +25,15 @@ from tsplat.io.spz_header import (
     MAGIC,
     REST_COEFFICIENTS,
     Header,
-    Take,
+    Streams,
     parse_header,
 )
-from tsplat.io.spz_zstd import open_zstd
+from tsplat.io.spz_zstd import ZstdStreams
+from tsplat.io.threads import on_threads
 from tsplat.scene import Gaussians
+
+UNPACKED = 0.9
+"""How much of the work is done when everything is unpacked."""
 
 
 def matches(head: bytes) -> bool:
@@ -69,18 +65,87 @@ def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) ->
     LoadWarning
         The file says more than is read here, or splats were left out.
     """
-    header, (means, quats, scales, opacities, sh) = unpack(path, path.read_bytes(), progress)
+    with path.open("rb") as file:
+        size = os.fstat(file.fileno()).st_size
+        header, streams = open_streams(path, file, size)
+        arrays = Arrays.empty(header.count, 1 + REST_COEFFICIENTS[header.sh_degree])
+        fill(arrays, header, streams, progress, turned=options.spz_frame == "rub")
     if header.flags & ~ANTIALIASED:
         problem = f"flags {header.flags:#x} announce extensions, which were not read"
         warnings.warn(f"{path}: {problem}; the scene may be meant otherwise", LoadWarning, stacklevel=3)
-    if options.spz_frame == "rub":
-        half_turn(means, quats, sh)
     antialiased = bool(header.flags & ANTIALIASED)
-    gaussians = finish(
-        path, means, quats, scales, opacities, sh, max_splats=options.max_splats, antialiased=antialiased
-    )
+    gaussians = finish(path, *arrays, max_splats=options.max_splats, antialiased=antialiased)
     progress(1.0)
     return gaussians
+
+
+def open_streams(path: Path, file: BinaryIO, size: int) -> tuple[Header, Streams]:
+    """Return the header of an SPZ and what reads its streams.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for errors.
+    file : binary file
+        The SPZ and nothing else, open at its beginning.
+    size : int
+        Its length in bytes.
+
+    Raises
+    ------
+    LoadError
+        As for `read`.
+    """
+    head = file.read(HEADER.size)
+    if head.startswith(GZIP_MAGIC):
+        file.seek(0)
+        packed = GzipStreams(path, file, size)
+        return packed.header, packed
+    if not head.startswith(MAGIC):
+        problem = f"begins with {head[:4]!r}, expected {MAGIC!r} or gzip; fetch it again"
+        raise CorruptFileError(path, problem, 0)
+    header = parse_header(path, head, (1, 2, 3, 4))
+    return header, (ZstdStreams if header.version == 4 else BareStreams)(path, file, size, header)
+
+
+def fill(
+    arrays: Arrays, header: Header, streams: Streams, progress: Callable[[float], None], *, turned: bool
+) -> None:
+    """Read an SPZ to its end.
+
+    Parameters
+    ----------
+    arrays : Arrays
+        Of the size that the header says; filled as `tsplat.io.finish.finish` takes them.
+    header, streams : Header, Streams
+        As from `open_streams`.
+    progress : callable
+        Called with the fraction done; what is left is for `tsplat.io.finish.finish`.
+    turned : bool
+        Turn the scene from the axes of the format to right, down, front.
+
+    Raises
+    ------
+    CorruptFileError
+        As for `read`.
+    """
+
+    def pieces() -> Iterator[tuple[str, slice, bytes]]:
+        done, need = 0, header.need
+        for name, whole in header.streams.items():
+            width = whole // max(header.count, 1)
+            for rows in chunks(header.count if width else 0):
+                piece = streams.read(name, width * (rows.stop - rows.start))
+                yield name, rows, piece
+                done += len(piece)
+                progress(UNPACKED * done / need)
+        streams.end()
+
+    def decode_piece(piece: tuple[str, slice, bytes]) -> None:
+        name, rows, stream = piece
+        decode(name, stream, header, turned, arrays.part(rows))
+
+    on_threads(decode_piece, pieces())
 
 
 def write(file: BinaryIO, gaussians: Gaussians) -> None:
@@ -101,45 +166,3 @@ def write(file: BinaryIO, gaussians: Gaussians) -> None:
     from tsplat.io.spz_encode import write_spz
 
     write_spz(file, gaussians)
-
-
-def unpack(
-    path: Path, raw: bytes, progress: Callable[[float], None]
-) -> tuple[Header, tuple[F32, F32, F32, F32, F32]]:
-    """Return the header of a whole SPZ, and means, quats, scales, opacities and sh in its own axes.
-
-    Raises
-    ------
-    LoadError
-        As for `read`.
-    """
-    header, take = open_streams(path, raw)
-    streams = {}
-    for number, (name, size) in enumerate(header.streams.items(), 1):
-        streams[name] = take(name, size)
-        progress(0.8 * number / len(header.streams))
-    if header.version == 1:
-        means = decode_half(streams["means"])
-    else:
-        means = decode_fixed(streams["means"], header.fractional_bits)
-    quats = (decode_first_three if header.version < 3 else decode_smallest_three)(streams["quats"])
-    scales, opacities = decode_scales(streams["scales"]), decode_opacities(streams["opacities"])
-    sh = decode_sh(streams["colours"], streams["sh"], REST_COEFFICIENTS[header.sh_degree])
-    return header, (means, quats, scales, opacities, sh)
-
-
-def open_streams(path: Path, raw: bytes) -> tuple[Header, Take]:
-    """Return the header of a whole SPZ, and what gives its streams one after the other.
-
-    Raises
-    ------
-    LoadError
-        As for `read`.
-    """
-    if raw.startswith(GZIP_MAGIC):
-        return open_gzip(path, raw)
-    if not raw.startswith(MAGIC):
-        problem = f"begins with {raw[:4]!r}, expected {MAGIC!r} or gzip; fetch it again"
-        raise CorruptFileError(path, problem, 0)
-    header = parse_header(path, raw[: HEADER.size], (1, 2, 3, 4))
-    return header, (open_zstd if header.version == 4 else open_bare)(path, raw, header)

@@ -10,8 +10,11 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-F32 = npt.NDArray[np.float32]
-Stream = bytes | memoryview
+from tsplat.io.arrays import F32, Arrays
+from tsplat.io.smallest_three import fill_quats, missing, sources
+from tsplat.io.spz_header import Header
+
+U8 = npt.NDArray[np.uint8]
 
 COLOUR_SCALE = 0.15
 """A colour's byte, from 0 to 1, is 0.5 plus this times f_dc: it holds some colours below black and above white."""
@@ -33,8 +36,10 @@ _BYTES = np.arange(256, dtype=np.float64)
 _SCALES = np.exp(_BYTES / 16 - 10).astype(np.float32)
 _OPACITIES = (_BYTES / 255).astype(np.float32)
 _COLOURS = ((_BYTES / 255 - 0.5) / COLOUR_SCALE).astype(np.float32)
-_REST = ((_BYTES - 128) / 128).astype(np.float32)
 _FIRST_THREE = (_BYTES / 127.5 - 1).astype(np.float32)
+_REST_STEP = np.float32(1 / 128)
+_SMALLEST_SHIFTS = np.array([20, 10, 0], np.uint32)
+_PLACES = sources(OTHERS)
 
 
 def _smallest_table() -> F32:
@@ -45,68 +50,77 @@ def _smallest_table() -> F32:
 _SMALLEST = _smallest_table()
 
 
-def decode_fixed(stream: Stream, fractional_bits: int) -> F32:
-    """Return means of 24-bit fixed point numbers."""
-    wide = np.zeros((len(stream) // 3, 4), np.uint8)
-    wide[:, 1:] = np.frombuffer(stream, np.uint8).reshape(-1, 3)
-    # The three bytes lie at the top of 32 bits, so shifting them down brings their sign along.
-    numbers = wide.view("<i4") >> 8
-    return numbers.reshape(-1, 3) * np.float32(2.0**-fractional_bits)
+def decode(name: str, stream: bytes, header: Header, turned: bool, out: Arrays) -> None:
+    """Decode some splats' bytes of one stream.
+
+    Parameters
+    ----------
+    name : str
+        Of the stream, as in `Header.streams`.
+    stream : bytes
+        As many as ``out`` has rows for.
+    header : Header
+        Of the file.
+    turned : bool
+        Turn the scene by half a turn about x: from right-up-back axes to right-down-front.
+    out : Arrays
+        Where to; the arrays that the stream says nothing of stay as they are.
+    """
+    values = np.frombuffer(stream, np.uint8)
+    match name:
+        case "means":
+            if header.version == 1:
+                _half(stream, out.means)
+            else:
+                _fixed(stream, header.fractional_bits, out.means)
+            if turned:
+                _change_signs(out.means, MEANS_SIGNS)
+        case "opacities":
+            np.take(_OPACITIES, values, out=out.opacities, mode="clip")
+        case "colours":
+            out.sh[:, 0] = np.take(_COLOURS, values.reshape(-1, 3), mode="clip")
+        case "scales":
+            np.take(_SCALES, values.reshape(-1, 3), out=out.scales, mode="clip")
+        case "quats":
+            (_first_three if header.version < 3 else _smallest_three)(stream, out.quats)
+            if turned:
+                _change_signs(out.quats, QUATS_SIGNS)
+        case "sh":
+            _rest(values, turned, out.sh)
 
 
-def decode_half(stream: Stream) -> F32:
-    """Return means of float16 numbers; those that are not finite become nan."""
-    halves = np.frombuffer(stream, "<f2").reshape(-1, 3)
-    return np.where(np.isfinite(halves), halves, np.float16(np.nan)).astype(np.float32)
+def _fixed(stream: bytes, fractional_bits: int, out: F32) -> None:
+    # Each number is read with the byte before it and shifted down, which brings its sign along.
+    words = np.ndarray(out.shape, "<i4", b"\0" + stream, strides=(9, 3))
+    out[:] = words >> 8
+    out *= np.float32(2.0**-fractional_bits)
 
 
-def decode_scales(stream: Stream) -> F32:
-    """Return scales of their logarithms in sixteenths."""
-    return _SCALES[np.frombuffer(stream, np.uint8)].reshape(-1, 3)
+def _half(stream: bytes, out: F32) -> None:
+    out[:] = np.frombuffer(stream, "<f2").reshape(-1, 3)
 
 
-def decode_opacities(stream: Stream) -> F32:
-    """Return opacities, which are activated in the file."""
-    return _OPACITIES[np.frombuffer(stream, np.uint8)]
+def _first_three(stream: bytes, out: F32) -> None:
+    out[:, 1:] = _FIRST_THREE[np.frombuffer(stream, np.uint8)].reshape(-1, 3)
+    out[:, 0] = missing(out[:, 1:])
 
 
-def decode_first_three(stream: Stream) -> F32:
-    """Return quats of x, y and z in a byte each; w is what is missing to a length of 1, not negative."""
-    quats = np.empty((len(stream) // 3, 4), np.float32)
-    quats[:, 1:] = _FIRST_THREE[np.frombuffer(stream, np.uint8)].reshape(-1, 3)
-    quats[:, 0] = _missing(quats[:, 1:])
-    return quats
-
-
-def decode_smallest_three(stream: Stream) -> F32:
-    """Return quats of 32 bits: which component is largest, and the three others."""
+def _smallest_three(stream: bytes, out: F32) -> None:
     packed = np.frombuffer(stream, "<u4")
-    fields = packed[:, None] >> np.array([20, 10, 0], np.uint32) & np.uint32(1023)
-    smallest = _SMALLEST[fields]
-    largest = packed >> 30
-    quats = np.empty((len(packed), 4), np.float32)
-    np.put_along_axis(quats, OTHERS[largest], smallest, axis=1)
-    quats[np.arange(len(packed)), (largest + 1) % 4] = _missing(smallest)
-    return quats
+    fields = packed[:, None] >> _SMALLEST_SHIFTS & np.uint32(1023)
+    fill_quats(np.take(_SMALLEST, fields, mode="clip"), packed >> 30, _PLACES, out)
 
 
-def decode_sh(colours: Stream, rest: Stream, rest_coefficients: int) -> F32:
-    """Return harmonics, [N, 1 + rest_coefficients, 3]."""
-    first = np.frombuffer(colours, np.uint8).reshape(-1, 3)
-    others = np.frombuffer(rest, np.uint8).reshape(len(first), rest_coefficients, 3)
-    sh = np.empty((len(first), 1 + others.shape[1], 3), np.float32)
-    sh[:, 0] = _COLOURS[first]
-    sh[:, 1:] = _REST[others]
-    return sh
+def _rest(values: U8, turned: bool, sh: F32) -> None:
+    signs = (SH_SIGNS if turned else np.ones_like(SH_SIGNS))[1 : sh.shape[1]]
+    steps = np.repeat(signs * _REST_STEP, 3, axis=1).ravel()
+    # The highest bit turned over makes a byte's distance from 128 of it.
+    distances = (values ^ 128).view(np.int8).reshape(len(sh), -1)
+    sh.reshape(len(sh), -1)[:, 3:] = distances * steps
 
 
-def half_turn(means: F32, quats: F32, sh: F32) -> None:
-    """Turn a scene by half a turn about x, in place: from right-up-back axes to right-down-front, or back."""
-    means *= MEANS_SIGNS
-    quats *= QUATS_SIGNS
-    sh *= SH_SIGNS[: sh.shape[1]]
-
-
-def _missing(others: F32) -> F32:
-    squares: F32 = np.einsum("ij,ij->i", others, others)
-    return np.sqrt(np.maximum(np.float32(0), 1 - squares))
+def _change_signs(array: F32, signs: F32) -> None:
+    # One column after the other: rows are too short to be quick. NumPy 2.4.6 negates in place wrongly where
+    # columns are 16 bytes apart, but multiplies well.
+    for column in np.flatnonzero(signs < 0):
+        array[:, column] *= -1.0

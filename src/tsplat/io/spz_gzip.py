@@ -6,10 +6,10 @@ Source: the README of github.com/nianticlabs/spz. Files without the gzip around 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import cast
+from typing import BinaryIO, cast
 
 from tsplat.errors import CorruptFileError
-from tsplat.io.spz_header import ANTIALIASED, HEADER, Header, Take, parse_header
+from tsplat.io.spz_header import ANTIALIASED, HEADER, Header, parse_header
 
 _MOST_DEFLATE = 1032
 """Deflate makes at most this many bytes of one, so a header that promises more lies."""
@@ -18,80 +18,103 @@ _TAIL_BYTES = 1 << 20
 _PIECE_BYTES = 1 << 16
 
 
-def open_bare(path: Path, raw: bytes, header: Header) -> Take:
-    """Return what gives the streams of a file without gzip."""
-    need, there = HEADER.size + sum(header.streams.values()), len(raw)
-    if there < need or (there > need and not header.flags & ~ANTIALIASED):
-        problem = f"{header.count} splats need {need} bytes, {there} are there; fetch it again"
-        raise CorruptFileError(path, problem, min(need, there))
-    rest = memoryview(raw)[HEADER.size :]
+class BareStreams:
+    """The streams of a file without gzip; the file is behind its header.
 
-    def take(_: str, size: int) -> memoryview:
-        nonlocal rest
-        part, rest = rest[:size], rest[size:]
-        return part
+    Raises
+    ------
+    CorruptFileError
+        The file is of another length than its header says.
+    """
 
-    return take
+    def __init__(self, path: Path, file: BinaryIO, size: int, header: Header) -> None:
+        need = HEADER.size + header.need
+        if size < need or (size > need and not header.flags & ~ANTIALIASED):
+            problem = f"{header.count} splats need {need} bytes, {size} are there; fetch it again"
+            raise CorruptFileError(path, problem, min(need, size))
+        self._path, self._file = path, file
+
+    def read(self, name: str, size: int) -> bytes:
+        """Return the next bytes."""
+        piece = self._file.read(size)
+        if len(piece) < size:
+            raise CorruptFileError(self._path, f"ends in {name}; fetch it again", self._file.tell())
+        return piece
+
+    def end(self) -> None:
+        """Let be: the length was checked before."""
 
 
-def open_gzip(path: Path, raw: bytes) -> tuple[Header, Take]:
-    """Return the header and what gives the streams; the last one checks the end of the file."""
-    gunzip = _Gunzip(path, raw)
-    header = parse_header(path, gunzip.read(HEADER.size), (1, 2, 3))
-    sizes = header.streams
-    need = HEADER.size + sum(sizes.values())
-    if need > _MOST_DEFLATE * len(raw):
-        problem = f"{header.count} splats need {need} bytes, more than {len(raw)} packed ones hold; fetch it again"
-        raise CorruptFileError(path, problem, 8)
-    left = len(sizes)
+class GzipStreams:
+    """The header and the streams of a file in gzip.
 
-    def take(name: str, size: int) -> bytes:
-        nonlocal left
-        stream = gunzip.read(size)
-        if len(stream) < size:
-            problem = f"ends {len(stream)} bytes into the {size} of {name}; fetch it again"
-            raise CorruptFileError(path, problem, len(raw))
-        left -= 1
-        if not left:
-            gunzip.end(bool(header.flags & ~ANTIALIASED), need + _TAIL_BYTES)
-        return stream
+    Raises
+    ------
+    CorruptFileError
+        It does not unpack, or so few bytes cannot hold what the header says.
+    """
 
-    return header, take
+    def __init__(self, path: Path, file: BinaryIO, size: int) -> None:
+        self._path, self._size = path, size
+        self._gunzip = _Gunzip(path, file)
+        self.header = header = parse_header(path, self._gunzip.read(HEADER.size), (1, 2, 3))
+        need = HEADER.size + header.need
+        if need > _MOST_DEFLATE * size:
+            problem = f"{header.count} splats need {need} bytes, more than {size} packed ones hold; fetch it again"
+            raise CorruptFileError(path, problem, 8)
+        self._left = header.streams
+
+    def read(self, name: str, size: int) -> bytes:
+        """Return the next bytes."""
+        piece = self._gunzip.read(size)
+        self._left[name] -= len(piece)
+        if len(piece) < size:
+            whole = self.header.streams[name]
+            problem = f"ends {whole - self._left[name]} bytes into the {whole} of {name}; fetch it again"
+            raise CorruptFileError(self._path, problem, self._size)
+        return piece
+
+    def end(self) -> None:
+        """Require the end of the stream, and its checksum, here or behind what extensions may append."""
+        more_may_follow = bool(self.header.flags & ~ANTIALIASED)
+        most = HEADER.size + self.header.need + _TAIL_BYTES
+        passed = 0
+        while more := len(self._gunzip.read(_PIECE_BYTES if more_may_follow else 1)):
+            passed += more
+            if not more_may_follow or passed > most:
+                raise CorruptFileError(self._path, "holds more than its header says; fetch it again", self._size)
+        if not self._gunzip.ended:
+            raise CorruptFileError(self._path, "ends before its checksum; fetch it again", self._size)
 
 
 class _Gunzip:
     """A gzip stream read forwards, and no further than asked."""
 
-    def __init__(self, path: Path, raw: bytes) -> None:
+    def __init__(self, path: Path, file: BinaryIO) -> None:
         from isal import isal_zlib
 
-        self._path, self._rest = path, raw
-        self._size = len(raw)
+        self._path, self._file, self._rest = path, file, b""
         self._stream = isal_zlib.decompressobj(wbits=31)
         self._error = cast("type[Exception]", isal_zlib.error)
+
+    @property
+    def ended(self) -> bool:
+        """Whether the checksum was reached, and is right."""
+        return bool(self._stream.eof)
 
     def read(self, size: int) -> bytes:
         """Return the next bytes; fewer where the stream ends."""
         parts = []
-        while size > 0:  # a length of 0 would mean no limit
+        while size > 0 and not self.ended:  # a length of 0 would mean no limit
+            packed = self._rest or self._file.read(_PIECE_BYTES)
             try:
-                part = self._stream.decompress(self._rest, size)
+                part = self._stream.decompress(packed, size)
             except self._error as error:
                 problem = f"does not unpack: {error}; fetch it again"
-                raise CorruptFileError(self._path, problem, self._size - len(self._rest)) from error
+                raise CorruptFileError(self._path, problem, self._file.tell() - len(packed)) from error
             self._rest = self._stream.unconsumed_tail
-            if not part:
+            if not part and not packed:
                 break
             parts.append(part)
             size -= len(part)
         return parts[0] if len(parts) == 1 else b"".join(parts)
-
-    def end(self, more_may_follow: bool, most: int) -> None:
-        """Require the end of the stream, and its checksum, here or behind at most so many bytes."""
-        passed = 0
-        while more := len(self.read(_PIECE_BYTES if more_may_follow else 1)):
-            passed += more
-            if not more_may_follow or passed > most:
-                raise CorruptFileError(self._path, "holds more than its header says; fetch it again", self._size)
-        if not self._stream.eof:
-            raise CorruptFileError(self._path, "ends before its checksum; fetch it again", self._size)

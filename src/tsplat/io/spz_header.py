@@ -6,9 +6,9 @@ Source: the README of github.com/nianticlabs/spz.
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 from tsplat.errors import CorruptFileError, LoadError
 
@@ -21,8 +21,15 @@ REST_COEFFICIENTS = (0, 3, 8, 15, 24)
 ANTIALIASED = 1
 """The one flag that adds nothing to the file; behind others, writers append what only they know."""
 
-Take = Callable[[str, int], bytes | memoryview]
-"""Gives the next stream, by its name for people and its exact size."""
+
+class Streams(Protocol):
+    """The streams of a file, read forwards a piece at a time."""
+
+    def read(self, name: str, size: int) -> bytes:
+        """Return exactly the next bytes of a stream; they come in the order of `Header.streams`."""
+
+    def end(self) -> None:
+        """Require that nothing is left over once all was read."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +68,11 @@ class Header:
             "sh": 3 * REST_COEFFICIENTS[self.sh_degree],
         }
         return {name: width * self.count for name, width in widths.items()}
+
+    @property
+    def need(self) -> int:
+        """How many bytes all streams have."""
+        return sum(self.streams.values())
 
 
 def parse_header(path: Path, head: bytes, versions: tuple[int, ...]) -> Header:

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import struct
 from pathlib import Path
+from typing import IO, BinaryIO, NamedTuple, cast
 
 from tsplat.errors import CorruptFileError
-from tsplat.io.spz_header import Header, Take
+from tsplat.io.spz_header import Header
 
 HEAD_BYTES = 32
 STREAM_COUNT = 15
@@ -25,62 +26,147 @@ _MOST_ZSTD = 1024
 _WINDOW_BYTES = 1 << 23
 """What RFC 8878 asks every decoder to have for a window."""
 
+_FRAME_HEADER_BYTES = 18
 
-def open_zstd(path: Path, raw: bytes, header: Header) -> Take:
-    """Return what gives the streams, after all sizes were checked.
+
+class Frame(NamedTuple):
+    """Where the frame of a stream is, and what it holds.
+
+    Attributes
+    ----------
+    name : str
+        Of its stream.
+    place, packed : int
+        Its first byte in the file, and how many it takes.
+    size : int
+        How many bytes the stream has.
+    """
+
+    name: str
+    place: int
+    packed: int
+    size: int
+
+
+class ZstdStreams:
+    """The streams of a file, after all sizes were checked.
 
     Raises
     ------
     CorruptFileError
         A size or a place contradicts the header or the length of the file.
     """
+
+    def __init__(self, path: Path, file: BinaryIO, size: int, header: Header) -> None:
+        self._path, self._file = path, file
+        self._frames = _find_frames(path, file, size, header)
+        self._open: _Unpacker | None = None
+
+    def read(self, name: str, size: int) -> bytes:
+        """Return the next bytes."""
+        if self._open is None or self._open.frame.name != name:
+            self.end()
+            self._open = _Unpacker(self._path, self._file, self._frames[name])
+        return self._open.read(size)
+
+    def end(self) -> None:
+        """Require the end of the frame that is open."""
+        if self._open:
+            self._open.end()
+
+
+class _Unpacker:
+    """A frame that is read forwards."""
+
+    def __init__(self, path: Path, file: BinaryIO, frame: Frame) -> None:
+        import zstandard
+
+        self.frame, self._path = frame, path
+        self._error = zstandard.ZstdError
+        self._packed = _Section(file, frame)
+        try:
+            # A frame may promise any size, and room for it would be made at once.
+            promised = zstandard.frame_content_size(self._packed.read(_FRAME_HEADER_BYTES))
+        except zstandard.ZstdError as error:
+            raise self._wrong(f"do not unpack: {error}") from error
+        if promised not in (-1, frame.size):
+            raise self._wrong_size(promised)
+        self._packed = _Section(file, frame)
+        window = max(_WINDOW_BYTES, 1 << frame.size.bit_length())
+        unpacker = zstandard.ZstdDecompressor(max_window_size=window)
+        source = cast("IO[bytes]", self._packed)
+        self._stream = unpacker.stream_reader(source, read_across_frames=True)
+
+    def read(self, size: int) -> bytes:
+        """Return exactly the next bytes."""
+        piece = self._read(size)
+        if len(piece) < size:
+            raise self._wrong_size(self._stream.tell())
+        return piece
+
+    def end(self) -> None:
+        """Require that nothing is left."""
+        if self._read(1):
+            raise self._wrong("do not unpack: they go on behind their end")
+
+    def _read(self, size: int) -> bytes:
+        try:
+            return self._stream.read(size)
+        except self._error as error:
+            raise self._wrong(f"do not unpack: {error}") from error
+
+    def _wrong_size(self, size: int) -> CorruptFileError:
+        return self._wrong(f"unpack to {size} bytes, expected {self.frame.size}")
+
+    def _wrong(self, problem: str) -> CorruptFileError:
+        return CorruptFileError(self._path, f"{self.frame.name} {problem}; fetch it again", self.frame.place)
+
+
+class _Section:
+    """The bytes of a frame in a file, and no others."""
+
+    def __init__(self, file: BinaryIO, frame: Frame) -> None:
+        self._file, self._left = file, frame.packed
+        file.seek(frame.place)
+
+    def read(self, size: int) -> bytes:
+        piece = self._file.read(min(size, self._left))
+        self._left -= len(piece)
+        return piece
+
+
+def _find_frames(path: Path, file: BinaryIO, length: int, header: Header) -> dict[str, Frame]:
     sizes = list(header.streams.items())
-    need = sum(header.streams.values())
-    if need > _MOST_ZSTD * len(raw):
-        problem = f"{header.count} splats need {need} bytes, more than {len(raw)} packed ones hold; fetch it again"
-        raise CorruptFileError(path, problem, 8)
-    if len(raw) < HEAD_BYTES:
-        raise CorruptFileError(path, f"ends in a header of {HEAD_BYTES} bytes; fetch it again", len(raw))
+    if header.need > _MOST_ZSTD * length:
+        problem = f"{header.count} splats need {header.need} bytes, more than {length} packed ones hold"
+        raise CorruptFileError(path, f"{problem}; fetch it again", 8)
+    if length < HEAD_BYTES:
+        raise CorruptFileError(path, f"ends in a header of {HEAD_BYTES} bytes; fetch it again", length)
+    file.seek(0)
+    head = file.read(HEAD_BYTES)
     # Without harmonics there may be no stream for them.
-    count, least = raw[STREAM_COUNT], len(sizes) - (header.sh_degree == 0)
+    count, least = head[STREAM_COUNT], len(sizes) - (header.sh_degree == 0)
     if not least <= count <= len(sizes):
         raise CorruptFileError(path, f"has {count} streams, expected {least}; fetch it again", STREAM_COUNT)
-    start = int.from_bytes(raw[TABLE_START : TABLE_START + 4], "little")
+    start = int.from_bytes(head[TABLE_START : TABLE_START + 4], "little")
     place = start + count * _ENTRY.size
-    if start < HEAD_BYTES or place > len(raw):
-        problem = f"has its table at byte {start}, expected {HEAD_BYTES} to {len(raw) - count * _ENTRY.size}"
+    if start < HEAD_BYTES or place > length:
+        problem = f"has its table at byte {start}, expected {HEAD_BYTES} to {length - count * _ENTRY.size}"
         raise CorruptFileError(path, f"{problem}; fetch it again", TABLE_START)
+    file.seek(start)
     frames = {}
     for number, (name, size) in enumerate(sizes[:count]):
         entry = start + number * _ENTRY.size
-        packed, unpacked = _ENTRY.unpack_from(raw, entry)
+        packed, unpacked = _ENTRY.unpack(file.read(_ENTRY.size))
         if unpacked != size:
             raise CorruptFileError(
                 path, f"says {unpacked} bytes of {name}, expected {size}; fetch it again", entry
             )
-        if packed > len(raw) - place:
-            problem = f"{packed} packed bytes of {name} begin at {place}, expected at most {len(raw) - place}"
+        if packed > length - place:
+            problem = f"{packed} packed bytes of {name} begin at {place}, expected at most {length - place}"
             raise CorruptFileError(path, f"{problem}; fetch it again", entry)
-        frames[name] = place, memoryview(raw)[place : place + packed]
+        frames[name] = Frame(name, place, packed, size)
         place += packed
-    if place != len(raw):
-        raise CorruptFileError(path, f"has {len(raw) - place} bytes behind the last stream; fetch it again", place)
-    return lambda name, size: _unpack(path, name, size, *frames[name]) if name in frames else b""
-
-
-def _unpack(path: Path, name: str, size: int, place: int, frame: memoryview) -> bytes:
-    import zstandard
-
-    try:
-        # A frame may promise any size, and room for it would be made at once.
-        promised = zstandard.frame_content_size(frame)
-        if promised in (-1, size):
-            unpacker = zstandard.ZstdDecompressor(max_window_size=max(_WINDOW_BYTES, 1 << size.bit_length()))
-            stream = unpacker.decompress(frame, max_output_size=max(size, 1), allow_extra_data=False)
-            promised = len(stream)
-    except zstandard.ZstdError as error:
-        raise CorruptFileError(path, f"{name} do not unpack: {error}; fetch it again", place) from error
-    if promised != size:
-        problem = f"{name} unpack to {promised} bytes, expected {size}; fetch it again"
-        raise CorruptFileError(path, problem, place)
-    return stream
+    if place != length:
+        raise CorruptFileError(path, f"has {length - place} bytes behind the last stream; fetch it again", place)
+    return frames

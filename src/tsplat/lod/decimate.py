@@ -10,7 +10,7 @@ import numpy.typing as npt
 from tsplat.errors import OptionError
 from tsplat.lod.kd import kd_order
 from tsplat.lod.levels import Level, coarser, finest
-from tsplat.rendering import available_processors
+from tsplat.processors import available_processors
 from tsplat.rotations import quats_of
 from tsplat.scene import Gaussians
 

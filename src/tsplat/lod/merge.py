@@ -45,6 +45,15 @@ FAR = np.float32(1e18)
 
 NEVER = np.float32(np.inf)
 
+LEAST_SIZE = np.float32(1e-15)
+"""World units. No splat and no distance counts as smaller."""
+
+LEAST_SHARE = np.float32(1e-5)
+"""Of the largest distance or splat, that the typical size is at least."""
+
+LEAST_MASS = np.float32(1e-20)
+"""Of a splat that is not seen at all, so that its share of two such is a number."""
+
 
 class Scratch(NamedTuple):
     """A worker's memory for one node; lengths in units of the typical size of its splats, from their middle.
@@ -115,31 +124,16 @@ def new_scratch(values):
 def take(level, start, end, scratch):
     """Fill the scratch memory with the splats from ``start`` to ``end`` of a level."""
     n = end - start
-    middle = scratch.frame
-    for axis in range(3):
-        total = 0.0
-        for i in range(start, end):
-            total += level.means[i, axis]
-        middle[axis] = total / n
-    whole, weighted = 0.0, 0.0
-    for i in range(n):
-        row = start + i
-        for entry in range(6):
-            scratch.covars[i, entry] = level.covars[row, entry]
-        size = area(scratch.covars, i)
-        scratch.masses[i] = max(level.opacities[row] * size, np.float32(1e-30))
-        whole += scratch.masses[i]
-        weighted += scratch.masses[i] * size
-    scratch.frame[3], scratch.frame[4] = math.sqrt(weighted / whole), n
+    _fill_frame(level, start, end, scratch)
     unit = np.float32(1.0) / scratch.frame[3]
     for i in range(n):
         row = start + i
-        scratch.x[i] = (level.means[row, 0] - middle[0]) * unit
-        scratch.y[i] = (level.means[row, 1] - middle[1]) * unit
-        scratch.z[i] = (level.means[row, 2] - middle[2]) * unit
-        scratch.masses[i] *= unit * unit
+        scratch.x[i] = (level.means[row, 0] - scratch.frame[0]) * unit
+        scratch.y[i] = (level.means[row, 1] - scratch.frame[1]) * unit
+        scratch.z[i] = (level.means[row, 2] - scratch.frame[2]) * unit
         for entry in range(6):
-            scratch.covars[i, entry] *= unit * unit
+            scratch.covars[i, entry] = level.covars[row, entry] * unit * unit
+        scratch.masses[i] = max(level.opacities[row] * area(scratch.covars, i), LEAST_MASS)
         for k in range(level.sh.shape[1]):
             for channel in range(3):
                 scratch.sh[i, 3 * k + channel] = level.sh[row, k, channel]
@@ -149,6 +143,35 @@ def take(level, start, end, scratch):
     for i in range(n, ROOM):
         scratch.x[i] = scratch.y[i] = scratch.z[i] = FAR
         scratch.costs[i] = NEVER
+
+
+@part
+def _fill_frame(level, start, end, scratch):
+    """Fill the middle, the typical size, and the number of splats.
+
+    The size is not so small that a number of the others, in units of it, would leave float32.
+    """
+    frame = scratch.frame
+    reach2, reach = np.float32(0.0), np.float32(0.0)
+    for axis in range(3):
+        total = 0.0
+        for i in range(start, end):
+            total += level.means[i, axis]
+        frame[axis] = total / (end - start)
+    for i in range(start, end):
+        reach2 = max(reach2, level.covars[i, 0], level.covars[i, 3], level.covars[i, 5])
+        for axis in range(3):
+            reach = max(reach, abs(level.means[i, axis] - frame[axis]))
+    reach = max(reach, np.float32(math.sqrt(reach2)), LEAST_SIZE)
+    whole, weighted = np.float32(0.0), np.float32(0.0)
+    for i in range(start, end):
+        for entry in range(6):
+            scratch.covars[0, entry] = level.covars[i, entry] / reach / reach
+        size = area(scratch.covars, 0)
+        whole += level.opacities[i] * size
+        weighted += level.opacities[i] * size * size
+    typical = math.sqrt(weighted / whole) if whole > np.float32(0.0) else np.float32(0.0)
+    frame[3], frame[4] = reach * max(typical, LEAST_SHARE), end - start
 
 
 @part
@@ -162,7 +185,12 @@ def merge(scratch, wanted):
     left, changed = n, np.float32(0.0)
     while left > wanted:
         i = _cheapest(scratch.costs, n)
-        j = scratch.partners[i]
+        if scratch.costs[i] == NEVER:
+            i, j = _first_two(scratch.x)  # all are so far apart, or so odd, that it does not matter
+            _merge_into(i, j, scratch)
+            left -= 1
+            continue
+        j = np.int64(scratch.partners[i])
         if scratch.births[j] != scratch.partners_births[i]:
             _find_partner(i, scratch)  # the partner is not what it was
             continue
@@ -180,6 +208,18 @@ def _cheapest(costs, n):
         if costs[each] < cost:
             i, cost = each, costs[each]
     return i
+
+
+@part
+def _first_two(x):
+    """Return the first two splats that are left."""
+    i = 0
+    while x[i] == FAR:
+        i += 1
+    j = i + 1
+    while x[j] == FAR:
+        j += 1
+    return i, j
 
 
 @part

@@ -14,8 +14,8 @@ from tsplat.files import replacing
 from tsplat.io.sources import called
 from tsplat.io.tsplat_header import BLOCK
 from tsplat.options import load_scene
+from tsplat.processors import available_processors
 from tsplat.progress import loading, wait_for_kernels
-from tsplat.rendering import available_processors
 from tsplat.scene import Gaussians
 from tsplat.warmup import WarmUp
 

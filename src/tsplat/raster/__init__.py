@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 
 import numpy as np
@@ -12,6 +13,7 @@ from tsplat.raster.bin import room
 from tsplat.raster.draw import draw
 from tsplat.raster.frame import BLENDS, STAGES, VISIBLE, new_frame
 from tsplat.raster.prepare import BLOCK, Prepared, prepared
+from tsplat.raster.soften import SOFTEN, soften
 from tsplat.raster.workers import on_threads
 from tsplat.rendering import Rendering, RenderOptions
 from tsplat.scene import Gaussians
@@ -57,8 +59,13 @@ def rasterize_blocks(
         lengths = (1e-6 * (end - begin) for begin, end in zip([start, *ends], ends, strict=False))
         stage_ms = dict(zip(STAGES, lengths, strict=True))
         visible, blends = frame.results[0, VISIBLE], frame.results[:, BLENDS]
-        shape = camera.height, camera.width
-        colors, alphas, depths = frame.image.colors, frame.image.alphas, frame.image.depths
+        image, shape = frame.image, (camera.height, camera.width)
+        variance = options.softening(math.sqrt(float(camera.K[0, 0] * camera.K[1, 1])))
+        if variance > 0.0:
+            start = time.monotonic_ns()
+            image = soften(image, variance, threads, frame.team, scene.buffers)
+            stage_ms[SOFTEN] = 1e-6 * (time.monotonic_ns() - start)
+        colors, alphas, depths = image.colors, image.alphas, image.depths
         return Rendering(
             colors.reshape(*shape, 3), alphas.reshape(shape), None if depths is None else depths.reshape(shape),
             int(visible), pairs, sum(blends.tolist()), stage_ms,

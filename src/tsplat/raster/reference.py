@@ -7,6 +7,7 @@ Real-Time Radiance Field Rendering*; names and thresholds are gsplat's.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +23,7 @@ from tsplat.rendering import (
 )
 from tsplat.scene import SH_COEFFICIENTS, Gaussians
 
+F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
@@ -36,9 +38,11 @@ def rasterize(gaussians: Gaussians, camera: Camera, options: RenderOptions) -> R
     conics, opacities = dilate(covars2d, gaussians.opacities, camera, options)
     colors = evaluate_sh(gaussians.sh, gaussians.means - camera.eye, options.sh_degree)
     order = sort(depths, options)
-    return composite(
+    image = composite(
         means2d[order], conics[order], opacities[order], colors[order], depths[order], camera, options
     )
+    variance = options.softening(focal_length(camera))
+    return replace(image, colors=soften(image.colors, variance), alphas=soften(image.alphas, variance))
 
 
 def covariances(quats: npt.ArrayLike, scales: npt.ArrayLike) -> F64:
@@ -199,3 +203,12 @@ def _rendering(sums: F64, transmittance: F64, camera: Camera, options: RenderOpt
         alphas.reshape(shape).astype(np.float32),
         depths.reshape(shape).astype(np.float32) if options.depths else None,
     )
+
+
+def soften(image: F32, variance: float) -> F32:
+    """Blur rows and then columns by so many pixels squared; at its rim an image is continued as it ends."""
+    for axis in (0, 1):
+        padded = np.pad(image.astype(np.float64), [(int(axis == each),) * 2 for each in range(image.ndim)], "edge")
+        before, after = (np.take(padded, start + np.arange(image.shape[axis]), axis) for start in (0, 2))
+        image = ((1.0 - variance) * image + 0.5 * variance * (before + after)).astype(np.float32)
+    return image

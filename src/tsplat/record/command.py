@@ -59,7 +59,7 @@ def record(out: str, scene: str, live: bool, up: Any, fov_y: float, **options: A
         warm_up = WarmUp()
         read = reading(options)
         gaussians = load_scene(scene, read, warm_up)
-        chosen = render_options(scene, gaussians, "relative", options)
+        chosen = render_options(scene, gaussians, options)
         if live:
             view = {"name": scene_name(scene), "output": wanted["output"], "up": up, "fov_y": fov_y}
             made = _record_session(file, path, gaussians, chosen, how, raw_opacity=read["raw_opacity"], **view)

@@ -6,7 +6,8 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tsplat.rendering import RenderOptions, available_processors
+from tsplat.processors import available_processors
+from tsplat.rendering import RenderOptions
 from tsplat.scene import Gaussians
 from tsplat.terminal.pacing import LATENCY, Pacer
 
