@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 import threading
 from pathlib import Path
 
@@ -94,3 +96,23 @@ def test_signals_are_left_alone_on_other_threads() -> None:
     thread.start()
     thread.join()
     assert not failed
+
+
+def test_a_thread_that_nobody_waits_for_leaves_nothing_behind(tmp_path: Path) -> None:
+    code = f"""
+import threading
+from pathlib import Path
+from tsplat.files import replacing
+written = threading.Event()
+def write():
+    with replacing(Path({str(tmp_path / "x")!r})) as file:
+        file.write(b"half")
+        file.flush()
+        written.set()
+        threading.Event().wait()
+threading.Thread(target=write, daemon=True).start()
+assert written.wait(10.0)
+assert list(Path({str(tmp_path)!r}).iterdir())
+"""
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
+    assert list(tmp_path.iterdir()) == []

@@ -17,18 +17,19 @@ from tsplat.scene import Gaussians
 
 if TYPE_CHECKING:
     from tsplat.io import load
+    from tsplat.lod import Stored
 
 __all__ = ["Camera", "Gaussians", "RenderOptions", "Rendering", "TsplatError", "load", "render"]
 __version__ = "0.1.0"
 
 
-def render(scene: Gaussians, camera: Camera, *, lod: bool | int = False, **options: Any) -> Rendering:
+def render(scene: Gaussians | Stored, camera: Camera, *, lod: bool | int = False, **options: Any) -> Rendering:
     """Draw a scene; the first call compiles or loads the kernels, later calls reuse them.
 
     Parameters
     ----------
-    scene : Gaussians
-        What to draw.
+    scene : Gaussians or Stored
+        What to draw: in memory, or a .tsplat on disk, from `tsplat.lod.open_stored`.
     camera : Camera
         From where, and how large.
     lod : bool or int
@@ -48,12 +49,13 @@ def render(scene: Gaussians, camera: Camera, *, lod: bool | int = False, **optio
     OptionError
         An option is out of its range.
     """
-    from tsplat.raster import rasterize  # brings in Numba, which `import tsplat` should not wait for
-
     options.setdefault("antialias", own_antialias(scene.antialiased, "classic"))
     chosen = RenderOptions(**options)
     if lod is False:
-        return rasterize(scene, camera, chosen)
+        from tsplat.drawing import draw_all
+
+        return draw_all(scene, camera, chosen)
+    # Brings in Numba, which `import tsplat` should not wait for.
     from tsplat.lod import default_budget, rasterize_within
 
     if lod < 1:

@@ -23,8 +23,8 @@ from numba.core.runtime.nrt import rtsys
 _config: Any = numba.config
 
 NOT_COMPILED = frozenset(
-    {"bench", "convert", "doctor", "info", "io", "record", "terminal", "viewer"}
-    | {"arguments.py", "cli.py", "export.py", "options.py", "progress.py"}
+    {"bench", "cache", "convert", "doctor", "info", "io", "optimize", "record", "terminal", "viewer"}
+    | {"arguments.py", "cli.py", "drawing.py", "export.py", "kept.py", "options.py", "progress.py"}
 )
 """What no kernel can see, because the layers forbid it: editing these compiles nothing again."""
 

@@ -17,18 +17,22 @@ import rich_click as click
 from tsplat import __version__
 from tsplat.arguments import DEMO, POINT, Triples, ViewByDefault, scene_name
 from tsplat.bench.command import bench
+from tsplat.cache.command import cache
 from tsplat.convert.command import convert
 from tsplat.doctor.command import doctor
+from tsplat.drawing import draw_all, framed_by
 from tsplat.encode import ENCODERS, FALLBACK_CELL, PICTURES
 from tsplat.errors import LoadWarning, OptionError, TsplatError
 from tsplat.info.command import info
-from tsplat.options import READING, load_scene, reading, render_options, shared
+from tsplat.optimize.command import optimize
+from tsplat.options import READING, open_scene, reading, render_options, shared
 from tsplat.progress import wait_for_kernels
 from tsplat.record.command import record
 from tsplat.warmup import WarmUp
 
 if TYPE_CHECKING:
     from tsplat.camera import Camera, Vector
+    from tsplat.lod import Stored
     from tsplat.rendering import RenderOptions
     from tsplat.scene import Gaussians
 
@@ -101,7 +105,7 @@ def view(scene: str, output: str | None, up: Vector | None, fov_y: float, latenc
         raise OptionError(f"--output {output} needs a terminal; a printed picture is text, half for example")
     warm_up = WarmUp()
     how = reading(options)
-    gaussians = load_scene(scene, how, warm_up)
+    gaussians = open_scene(scene, how, warm_up)
     chosen = render_options(scene, gaussians, options)
     if printing:
         wait_for_kernels(warm_up)
@@ -131,13 +135,11 @@ def render(scene: str, output: str, width: int, height: int, **options: Any) -> 
     images.check_suffix(output)
     view = {name: options.pop(name) for name in ("eye", "target", "up", "fov_y")}
     warm_up = WarmUp()
-    gaussians = load_scene(scene, reading(options), warm_up)
+    gaussians = open_scene(scene, reading(options), warm_up)
     chosen = render_options(scene, gaussians, options, "classic")
     camera = _camera(gaussians, width, height, **view)
     wait_for_kernels(warm_up)
-    from tsplat.raster import rasterize
-
-    rendering = rasterize(gaussians, camera, chosen)
+    rendering = draw_all(gaussians, camera, chosen)
     milliseconds = sum(rendering.stage_ms.values())
     path = rendering.save(output)
     splats = f"{rendering.visible:,} of {len(gaussians):,} splats"
@@ -146,13 +148,15 @@ def render(scene: str, output: str, width: int, height: int, **options: Any) -> 
 
 command.add_command(info)
 command.add_command(convert)
+command.add_command(optimize)
+command.add_command(cache)
 command.add_command(bench)
 command.add_command(doctor)
 command.add_command(record)
 
 
 def _camera(
-    gaussians: Gaussians,
+    gaussians: Gaussians | Stored,
     width: int,
     height: int,
     *,
@@ -165,7 +169,7 @@ def _camera(
     from tsplat.camera import Camera
     from tsplat.framing import start_pose
 
-    start = start_pose(gaussians, aspect=width / height, fov_y=fov_y, up=up)
+    start = start_pose(framed_by(gaussians), aspect=width / height, fov_y=fov_y, up=up)
     target = target or (None if eye is None else tuple(start.target))
     if target is None:
         return start.camera(width, height, fov_y)
@@ -181,7 +185,7 @@ def _printed_size(columns: int | None, rows: int | None) -> tuple[int, int]:
 
 
 def _print_frame(
-    gaussians: Gaussians,
+    gaussians: Gaussians | Stored,
     options: RenderOptions,
     output: str,
     size: tuple[int, int],
@@ -190,13 +194,12 @@ def _print_frame(
     up: Vector | None,
 ) -> None:
     from tsplat.encode.cells import Cells
-    from tsplat.raster import rasterize
 
     columns, rows = size
     cells = Cells(output, 0 if os.environ.get("NO_COLOR") else 1 << 24)
     across, down = cells.pixels_per_cell(*FALLBACK_CELL)
     camera = _camera(gaussians, columns, 2 * rows, fov_y=fov_y, up=up).resized(columns * across, rows * down)
-    frame = rasterize(gaussians, camera, options).frame()
+    frame = draw_all(gaussians, camera, options).frame()
     sys.stdout.flush()
     sys.stdout.buffer.writelines(cells.lines(frame))
     sys.stdout.buffer.flush()

@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
+import atexit
 import errno
 import os
 import signal
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
 from tsplat.errors import SaveError, TsplatError
+
+_unfinished: set[Path] = set()
+"""What a daemon thread may still be writing when the process ends."""
+
+
+@atexit.register
+def _remove_unfinished() -> None:
+    for beside in tuple(_unfinished):
+        with suppress(OSError):
+            beside.unlink(missing_ok=True)
 
 
 @contextmanager
@@ -30,11 +41,14 @@ def replacing(path: Path) -> Iterator[BinaryIO]:
             raise IsADirectoryError(errno.EISDIR, "it is a folder")
         try:
             with beside.open("xb") as file:
+                _unfinished.add(beside)
                 yield file
             beside.replace(path)
         except BaseException:
             beside.unlink(missing_ok=True)
             raise
+        finally:
+            _unfinished.discard(beside)
     except TsplatError:
         raise  # what went wrong was not the writing
     except OSError as error:

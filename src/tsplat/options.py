@@ -16,6 +16,7 @@ from tsplat.rendering import ANTIALIAS, TRAIN_FOCAL_GUESS, Antialias, RenderOpti
 from tsplat.warmup import WarmUp
 
 if TYPE_CHECKING:
+    from tsplat.lod import Stored
     from tsplat.scene import Gaussians
 
 ANTIALIAS_HELP = (
@@ -74,6 +75,19 @@ def load_scene(scene: str, how: dict[str, Any], warm_up: WarmUp | None = None) -
         return gaussians
 
 
+def open_scene(scene: str, how: dict[str, Any], warm_up: WarmUp | None = None) -> Gaussians | Stored:
+    """Return the scene a person named, to be drawn: a .tsplat stays on disk where nothing asks for all of it."""
+    from tsplat.io.sources import is_elsewhere
+    from tsplat.io.tsplat_map import is_tsplat
+
+    source = scene_source(scene)
+    if how["max_splats"] is None and not how["lod"] and not is_elsewhere(source) and is_tsplat(Path(source)):
+        from tsplat.lod import open_stored
+
+        return open_stored(Path(source))
+    return load_scene(scene, how, warm_up)
+
+
 @contextmanager
 def loaded_scene(
     scene: str, how: dict[str, Any], warm_up: WarmUp | None = None
@@ -91,7 +105,7 @@ def loaded_scene(
 
 
 def render_options(
-    scene: str, gaussians: Gaussians, options: dict[str, Any], otherwise: Antialias = "relative"
+    scene: str, gaussians: Gaussians | Stored, options: dict[str, Any], otherwise: Antialias = "relative"
 ) -> RenderOptions:
     """Return the options; where nobody said how to antialias, a scene's own way comes first.
 

@@ -30,7 +30,7 @@ def scene() -> Gaussians:
 def built(detail: Detail) -> Detail:
     """Wait until its levels are there."""
     end = time.monotonic() + 120.0
-    while not detail.helps(detail.gaussians, front_camera()):
+    while not detail.helps(detail.scene, front_camera()):
         assert time.monotonic() < end, "the levels never came"
         time.sleep(0.02)
     return detail

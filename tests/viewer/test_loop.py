@@ -398,3 +398,10 @@ def test_where_nothing_is_merged_a_view_that_rests_is_not_drawn_again(tmp_path: 
     viewer, terminal = run(tmp_path, [Key("w")])
     assert not any(b"piece" in written for written in terminal.written)
     assert len(views(viewer)) == len(terminal.written)
+
+
+@pytest.mark.parametrize(("on_disk", "exact"), [(False, [True]), (True, [False, True])])
+def test_a_scene_on_disk_shows_merged_before_it_is_whole(tmp_path: Path, on_disk: bool, exact: list[bool]) -> None:
+    painter = MergingPainter()
+    Viewer(FakeTerminal(), painter, a_state(on_disk=on_disk), "tsplat-x", tmp_path).run()
+    assert painter.exact == exact

@@ -67,3 +67,11 @@ def test_a_scene_without_higher_bands_says_so() -> None:
     state = a_state(scene_degree=1, row=ROWS.index("SH degree"))
     assert SETTINGS[state.row].show(state) == "1"
     assert SETTINGS[state.row].show(step_row(state, -1)) == "0"
+
+
+@pytest.mark.parametrize("by", [-1, 1])
+@pytest.mark.parametrize(("label", "shown"), [("splats kept", "1,000 (on disk)"), ("opacity", "as stored")])
+def test_what_a_scene_on_disk_has_no_variants_of_does_not_step(label: str, shown: str, by: int) -> None:
+    state = a_state(on_disk=True, row=ROWS.index(label))
+    assert SETTINGS[state.row].show(state) == shown
+    assert step_row(state, by) == state

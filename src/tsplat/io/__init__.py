@@ -113,6 +113,8 @@ def saving(path: Path) -> Iterator[Callable[[Gaussians], None]]:
     """
     known = find_format(b"", path.name)
     if known is None or known.write is None:
+        if known is not None and known.suffixes == (".tsplat",):
+            raise SaveError(f"{path}: a .tsplat takes levels of detail; tsplat optimize writes it")
         suffixes = ", ".join(suffix for known in FORMATS if known.write for suffix in known.suffixes)
         raise SaveError(f"{path}: suffix {path.suffix!r} is no format that can be written; use one of {suffixes}")
     with replacing(path) as file:

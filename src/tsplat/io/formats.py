@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import BinaryIO, Protocol
 
 from tsplat.io import compressed_ply_write, gltf, gltf_write, ksplat, npz, ply, sog, sog_write, splat, spz
+from tsplat.io import tsplat_file as tsplat
 from tsplat.io.options import LoadOptions
 from tsplat.scene import Gaussians
 
@@ -59,6 +60,7 @@ FORMATS = (
     Format("glTF", (".gltf",), gltf.matches_json, gltf.read, gltf_write.write_gltf),
     Format("SPZ", (".spz",), spz.matches, spz.read, spz.write),
     Format("ksplat", (".ksplat",), ksplat.matches, ksplat.read),
+    Format("tsplat", (".tsplat",), tsplat.matches, tsplat.read),
     Format("splat", (".splat",), splat.matches, splat.read, splat.write),
 )
 

@@ -2,7 +2,11 @@
 
 from tsplat.lod.cut import Cut
 from tsplat.lod.decimate import decimate
-from tsplat.lod.draw import default_budget, rasterize_within
+from tsplat.lod.draw import default_budget, rasterize_all, rasterize_within
 from tsplat.lod.hierarchy import Hierarchy, hierarchy
+from tsplat.lod.stored import Stored, open_stored, store
 
-__all__ = ["Cut", "Hierarchy", "decimate", "default_budget", "hierarchy", "rasterize_within"]
+__all__ = [
+    "Cut", "Hierarchy", "Stored", "decimate", "default_budget", "hierarchy", "open_stored", "rasterize_all",
+    "rasterize_within", "store",
+]  # fmt: skip

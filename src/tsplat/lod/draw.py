@@ -5,6 +5,7 @@ from __future__ import annotations
 from tsplat.camera import Camera
 from tsplat.lod.cut import Cut
 from tsplat.lod.hierarchy import hierarchy
+from tsplat.lod.stored import Stored
 from tsplat.raster import rasterize, rasterize_blocks
 from tsplat.rendering import Rendering, RenderOptions
 from tsplat.scene import Gaussians
@@ -16,15 +17,22 @@ LEAST_BUDGET, LARGEST_BUDGET = 20_000, 500_000
 """Splats that even the smallest picture gets, a few milliseconds, and that even the largest does."""
 
 
+def rasterize_all(scene: Gaussians | Stored, camera: Camera, options: RenderOptions) -> Rendering:
+    """Draw every splat of a scene, in memory or on disk; see `tsplat.raster.rasterize`."""
+    if isinstance(scene, Stored):
+        return rasterize_blocks(scene.tree.scene, scene.finest, camera, options)
+    return rasterize(scene, camera, options)
+
+
 def rasterize_within(
-    gaussians: Gaussians, camera: Camera, options: RenderOptions, budget: int, cut: Cut | None = None
+    scene: Gaussians | Stored, camera: Camera, options: RenderOptions, budget: int, cut: Cut | None = None
 ) -> Rendering:
     """Draw a scene with about so many splats in sight, merged where that shows least.
 
     Parameters
     ----------
-    gaussians : Gaussians
-        What to draw; its levels of detail are built on the first call, and kept with it.
+    scene : Gaussians or Stored
+        What to draw; levels of detail that are not stored are built on the first call, and kept with the scene.
     camera : Camera
         From where, and how large.
     options : RenderOptions
@@ -39,9 +47,9 @@ def rasterize_within(
     Rendering
         As `tsplat.raster.rasterize` returns it.
     """
-    if len(gaussians) <= budget:
-        return rasterize(gaussians, camera, options)
-    tree = hierarchy(gaussians, options.worker_count)
+    if len(scene) <= budget:
+        return rasterize_all(scene, camera, options)
+    tree = scene.tree if isinstance(scene, Stored) else hierarchy(scene, options.worker_count)
     blocks = (cut or Cut(tree)).blocks(camera, options, budget)
     return rasterize_blocks(tree.scene, blocks, camera, options)
 

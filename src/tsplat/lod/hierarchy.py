@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from tsplat._jit import kernel, part
 from tsplat._threads import FIRST_FREE, claim, new_team
-from tsplat.lod.kd import kd_order
+from tsplat.lod.kd import Order, kd_order
 from tsplat.lod.levels import Level, coarser, finest
 from tsplat.lod.merge import area
 from tsplat.raster.prepare import BLOCK, BOUNDS, Prepared, Target, empty, pack_block
@@ -54,7 +54,12 @@ _hierarchies: WeakKeyDictionary[Gaussians, Hierarchy] = WeakKeyDictionary()
 _lock = threading.Lock()
 
 
-def hierarchy(gaussians: Gaussians, threads: int, progress: Callable[[float], None] | None = None) -> Hierarchy:
+def hierarchy(
+    gaussians: Gaussians,
+    threads: int,
+    progress: Callable[[float], None] | None = None,
+    earlier: Hierarchy | None = None,
+) -> Hierarchy:
     """Return the hierarchy of a scene; it is built once and goes with the scene.
 
     Parameters
@@ -65,21 +70,27 @@ def hierarchy(gaussians: Gaussians, threads: int, progress: Callable[[float], No
         How many build it.
     progress : callable, optional
         Called with the fraction done.
+    earlier : Hierarchy, optional
+        Of the same scene, to be taken in place of building one.
     """
     with _lock:
         found = _hierarchies.get(gaussians)
         if found is None:
-            found = _hierarchies[gaussians] = build(gaussians, threads, progress or (lambda _: None))
+            found = earlier or build(gaussians, threads, progress or (lambda _: None))
+            _hierarchies[gaussians] = found
         return found
 
 
-def build(gaussians: Gaussians, threads: int, progress: Callable[[float], None]) -> Hierarchy:
-    """Build the hierarchy of a scene, see `hierarchy`."""
+def build(
+    gaussians: Gaussians, threads: int, progress: Callable[[float], None], order: Order | None = None
+) -> Hierarchy:
+    """Build the hierarchy of a scene, see `hierarchy`; ``order`` is its `kd_order` where that is known."""
     firsts = level_firsts(len(gaussians))
     blocks = int(firsts[-1])
     tree = Hierarchy(empty(blocks, gaussians.sh.shape[1] - 1), firsts, *np.empty((2, blocks), np.float32))
     boxes = np.empty((blocks, 6), np.float32)
-    level = finest(gaussians, kd_order(gaussians.means, threads), threads)
+    order = kd_order(gaussians.means, threads) if order is None else order
+    level = finest(gaussians, order, threads)
     for number, first in enumerate(firsts[:-1]):
         team = new_team(1)
         children = firsts[number - 1] if number else -1

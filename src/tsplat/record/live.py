@@ -12,12 +12,13 @@ import numpy as np
 import numpy.typing as npt
 
 from tsplat import images
+from tsplat.drawing import draw_all
 from tsplat.errors import SaveError
 from tsplat.record.cast import CELLS, FRESH, Cast
 from tsplat.terminal import Event, Profile, Resize, Session
 from tsplat.viewer.picture import Drawn, Painter, saturated
 from tsplat.viewer.recorder import Recorder
-from tsplat.viewer.scenes import SceneVariants
+from tsplat.viewer.scenes import Scenes
 from tsplat.viewer.state import ViewerState, picture
 
 U8 = npt.NDArray[np.uint8]
@@ -110,7 +111,7 @@ class ViewRecorder(Recorder):
         self.times: list[float] = []
         self.views: list[ViewerState] = []
 
-    def painter(self, scenes: SceneVariants, profile: Profile) -> Painter:
+    def painter(self, scenes: Scenes, profile: Profile) -> Painter:
         """Return a painter that tells what it draws."""
         return _TellingPainter(scenes, profile, self)
 
@@ -123,7 +124,7 @@ class ViewRecorder(Recorder):
 
 
 class _TellingPainter(Painter):
-    def __init__(self, scenes: SceneVariants, profile: Profile, recorder: ViewRecorder) -> None:
+    def __init__(self, scenes: Scenes, profile: Profile, recorder: ViewRecorder) -> None:
         super().__init__(scenes, profile)
         self.recorder = recorder
 
@@ -139,7 +140,7 @@ class Replay:
     ----------
     recorder : ViewRecorder
         Of a session that is over.
-    scenes : SceneVariants
+    scenes : SceneVariants or OnDisk
         The scene that was seen.
     size : tuple of 2 ints
         Width and height of a frame in pixels.
@@ -155,7 +156,7 @@ class Replay:
     """
 
     def __init__(
-        self, recorder: ViewRecorder, scenes: SceneVariants, size: tuple[int, int], fps: int, end: float
+        self, recorder: ViewRecorder, scenes: Scenes, size: tuple[int, int], fps: int, end: float
     ) -> None:
         if not recorder.views:
             raise SaveError("nothing is recorded: the viewer was left before its first picture")
@@ -173,9 +174,7 @@ class Replay:
         return self._last[1]
 
     def _drawn(self, view: ViewerState) -> U8:
-        from tsplat.raster import rasterize
-
         scene = self.scenes.variant(view.kept, view.raw_opacity)
         camera = view.pose.camera(*self.size, view.fov_y)
-        colors = rasterize(scene, camera, replace(view.options, depths=False)).colors
+        colors = draw_all(scene, camera, replace(view.options, depths=False)).colors
         return images.quantize(saturated(colors, view.saturation))

@@ -12,6 +12,7 @@ from tsplat.scene import Gaussians
 from tsplat.terminal.pacing import LATENCY, Pacer
 
 if TYPE_CHECKING:
+    from tsplat.lod import Stored
     from tsplat.viewer.recorder import Recorder
 
 __all__ = ["view"]
@@ -20,7 +21,7 @@ GREETING = "? keys   Tab settings   q quit"
 
 
 def view(
-    gaussians: Gaussians,
+    gaussians: Gaussians | Stored,
     options: RenderOptions,
     *,
     name: str = "view",
@@ -37,8 +38,8 @@ def view(
 
     Parameters
     ----------
-    gaussians : Gaussians
-        The scene.
+    gaussians : Gaussians or Stored
+        The scene, in memory or on disk.
     options : RenderOptions
         How to draw at first.
     name : str
@@ -68,13 +69,14 @@ def view(
     OptionError
         There is no such output.
     """
+    from tsplat.drawing import framed_by
     from tsplat.framing import start_pose
     from tsplat.terminal import choose_output, outputs
     from tsplat.viewer.detail import Detail
     from tsplat.viewer.loop import Viewer
     from tsplat.viewer.picture import screen_pixels
     from tsplat.viewer.recorder import Recorder
-    from tsplat.viewer.scenes import SceneVariants
+    from tsplat.viewer.scenes import scenes_of
     from tsplat.viewer.state import ViewerState
 
     recorder = recorder or Recorder()
@@ -85,7 +87,7 @@ def view(
         if not recorder.takes(chosen):
             chosen = known[0]
         width, height = screen_pixels(size, chosen)
-        start = start_pose(gaussians, aspect=width / height, fov_y=fov_y, up=up)
+        start = start_pose(framed_by(gaussians), aspect=width / height, fov_y=fov_y, up=up)
         state = ViewerState(
             pose=start,
             start=start,
@@ -96,6 +98,7 @@ def view(
             outputs=known if chosen in known else (chosen, *known),
             total=len(gaussians),
             kept=len(gaussians),
+            on_disk=not isinstance(gaussians, Gaussians),
             raw_opacity=raw_opacity,
             scene_degree=gaussians.sh_degree,
             threads=available_processors(),
@@ -103,7 +106,7 @@ def view(
             releases=session.profile.kitty_keyboard,
             message=GREETING,
         )
-        painter = recorder.painter(SceneVariants(gaussians, raw_opacity=raw_opacity), session.profile)
+        painter = recorder.painter(scenes_of(gaussians, raw_opacity=raw_opacity), session.profile)
         painter.dither, painter.detail = dither, Detail(gaussians, budget)
         pacer = Pacer(latency, remote=session.profile.remote)
         Viewer(session, painter, state, f"tsplat-{name}", Path.cwd(), pacer).run()

@@ -10,7 +10,7 @@ from tsplat.rendering import Rendering, RenderOptions
 from tsplat.scene import Gaussians
 
 if TYPE_CHECKING:
-    from tsplat.lod import Cut
+    from tsplat.lod import Cut, Hierarchy, Stored
 
 
 class Detail:
@@ -18,32 +18,37 @@ class Detail:
 
     Parameters
     ----------
-    gaussians : Gaussians
-        The scene.
+    scene : Gaussians or Stored
+        The scene; the levels of one on disk are there from the start.
     budget : int, optional
         How many splats a frame gets while the view moves; by default some for each pixel, 0 for all.
     """
 
-    def __init__(self, gaussians: Gaussians, budget: int | None = None) -> None:
-        self.gaussians, self._budget = gaussians, budget
-        self._cut: Cut | None = None
+    def __init__(self, scene: Gaussians | Stored, budget: int | None = None) -> None:
+        self.scene, self._budget = scene, budget
+        self._cut = None if isinstance(scene, Gaussians) else _new_cut(scene.tree)
         self._first: Camera
         self.done = 0.0
         """How far building is, 0 to 1."""
         # A daemon, so that quitting does not wait.
         self._thread = threading.Thread(target=self._build, name="tsplat-detail", daemon=True)
 
+    def warm_up(self, camera: Camera) -> None:
+        """Make the kernels ready that choose what to draw, where the first frame is going to need them."""
+        if self._cut:
+            self._cut.blocks(camera, RenderOptions(), 1)
+
     def budget(self, camera: Camera) -> int:
         """Return how many splats a frame of this size gets."""
         from tsplat.lod import default_budget
 
-        return default_budget(camera) if self._budget is None else self._budget or len(self.gaussians)
+        return default_budget(camera) if self._budget is None else self._budget or len(self.scene)
 
-    def helps(self, gaussians: Gaussians, camera: Camera) -> bool:
+    def helps(self, scene: Gaussians | Stored, camera: Camera) -> bool:
         """Tell whether a frame would be drawn with fewer splats; start building where that is not known yet."""
-        if gaussians is not self.gaussians or len(gaussians) <= self.budget(camera):
+        if scene is not self.scene or len(scene) <= self.budget(camera):
             return False
-        if self._thread.ident is None:
+        if self._cut is None and self._thread.ident is None:
             self._first = camera
             self._thread.start()
         return self._cut is not None
@@ -58,15 +63,27 @@ class Detail:
         """Draw within the budget, as `helps` said it would help."""
         from tsplat.lod import rasterize_within
 
-        return rasterize_within(self.gaussians, camera, options, self.budget(camera), self._cut)
+        return rasterize_within(self.scene, camera, options, self.budget(camera), self._cut)
 
     def _build(self) -> None:
-        from tsplat.lod import Cut, hierarchy
+        from tsplat.lod import hierarchy
+        from tsplat.lod.remembered import keep, recall
 
+        assert isinstance(self.scene, Gaussians)
+        earlier = recall(self.scene)
         # One thread: those of the frames are not waited for, nor kept waiting.
-        cut = Cut(hierarchy(self.gaussians, 1, self._progress))
+        tree = hierarchy(self.scene, 1, self._progress, earlier)
+        cut = _new_cut(tree)
         cut.blocks(self._first, RenderOptions(), 1)  # no frame should wait for the kernel
         self._cut = cut
+        if earlier is None:
+            keep(self.scene, tree)
 
     def _progress(self, fraction: float) -> None:
         self.done = fraction
+
+
+def _new_cut(tree: Hierarchy) -> Cut:
+    from tsplat.lod import Cut
+
+    return Cut(tree)

@@ -206,7 +206,9 @@ class Viewer:
     def show(self, start: float) -> None:
         """Draw the state as well as the link allows: one write, the picture first and the text above it."""
         state, screen = self.state, self.screen
-        quality = replace(self.pacer.quality, exact=not state.moving)
+        # A scene on disk shows at once, merged, and is read while that is looked at.
+        exact = not state.moving and (screen is not None or not state.on_disk)
+        quality = replace(self.pacer.quality, exact=exact)
         abandoned = self.painter.abandon() if self.pieces else b""
         self.pieces = None
         fresh = self._fresh_screen()

@@ -11,14 +11,16 @@ import numpy.typing as npt
 
 from tsplat import images
 from tsplat.camera import MAX_SIDE, Camera
+from tsplat.drawing import draw_all
 from tsplat.encode import FALLBACK_CELL, EncodedFrame, Encoder, encoder
 from tsplat.encode.pieces import pieces
 from tsplat.rendering import Rendering
+from tsplat.scene import Gaussians
 from tsplat.terminal.keys import TerminalSize
 from tsplat.terminal.pacing import LADDER
 from tsplat.terminal.probe import TRUECOLOR, Profile
 from tsplat.viewer.detail import Detail
-from tsplat.viewer.scenes import SceneVariants
+from tsplat.viewer.scenes import Scenes
 from tsplat.viewer.spans import Span, covered, painted, shaded
 from tsplat.viewer.state import ViewerState
 from tsplat.warmup import SIDE, draw_tiny
@@ -66,7 +68,7 @@ class Drawn:
 class Painter:
     """Renders and encodes what the state shows; keeps the encoder, which knows what it left on screen."""
 
-    def __init__(self, scenes: SceneVariants, profile: Profile = TRUE_COLORS, *, dither: bool = False) -> None:
+    def __init__(self, scenes: Scenes, profile: Profile = TRUE_COLORS, *, dither: bool = False) -> None:
         self.scenes, self.profile, self.dither = scenes, profile, dither
         self.detail = Detail(scenes.loaded)
         self.encoder: Encoder | None = None
@@ -75,6 +77,7 @@ class Painter:
         """Make the kernels ready that drawing and encoding this state needs; may run on any thread."""
         chosen = self.new_encoder(state)  # not the one that remembers what is on screen
         draw_tiny(replace(state.options, depths=False))
+        self.detail.warm_up(view_camera(state, SIDE, SIDE))
         for chosen.fidelity in (1.0, LEAST_FIDELITY):  # what is left out takes kernels of its own
             chosen.encode(np.zeros((SIDE, SIDE, 3), np.uint8), 4, 2, FALLBACK_CELL)
         chosen.clear()
@@ -169,12 +172,11 @@ class Painter:
 
     def render(self, state: ViewerState, width: int, height: int) -> Rendering:
         """Render the state's view at a size in pixels."""
-        from tsplat.raster import (
-            rasterize,
-        )  # half a second of Numba that nobody waits for before a notice is shown
-
         scene = self.scenes.variant(state.kept, state.raw_opacity)
-        return rasterize(scene, view_camera(state, width, height), replace(state.options, depths=False))
+        rendering = draw_all(scene, view_camera(state, width, height), replace(state.options, depths=False))
+        if not isinstance(scene, Gaussians):
+            scene.let_go()  # all of it was read, and may be more than there is memory
+        return rendering
 
     def save(self, state: ViewerState, path: Path) -> Path:
         """Save the view as a picture of at least 1920 pixels.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tsplat.terminal import Profile, Session
 from tsplat.viewer.picture import Painter
-from tsplat.viewer.scenes import SceneVariants
+from tsplat.viewer.scenes import Scenes
 
 
 class Recorder:
@@ -18,6 +18,6 @@ class Recorder:
         """Return whether pictures that are shown in this way can be recorded."""
         return True
 
-    def painter(self, scenes: SceneVariants, profile: Profile) -> Painter:
+    def painter(self, scenes: Scenes, profile: Profile) -> Painter:
         """Return what draws the scene for this terminal."""
         return Painter(scenes, profile)

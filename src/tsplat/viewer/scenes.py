@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from tsplat.importance import importance, most_important
 from tsplat.scene import Gaussians
+
+if TYPE_CHECKING:
+    from tsplat.lod import Stored
 
 F32 = npt.NDArray[np.float32]
 
@@ -47,6 +51,31 @@ class SceneVariants:
             swap = unactivated if raw_opacity else activated
             gaussians = replace(gaussians, opacities=swap(gaussians.opacities))
         return gaussians
+
+
+class OnDisk:
+    """A scene that stays on disk, as it is whatever the settings are.
+
+    Parameters
+    ----------
+    stored : Stored
+        The scene.
+    """
+
+    def __init__(self, stored: Stored) -> None:
+        self.loaded = stored
+
+    def variant(self, kept: int, raw_opacity: bool) -> Stored:  # noqa: ARG002
+        """Return all of it."""
+        return self.loaded
+
+
+Scenes: TypeAlias = SceneVariants | OnDisk
+
+
+def scenes_of(scene: Gaussians | Stored, *, raw_opacity: bool = False) -> Scenes:
+    """Return the variants of a scene, of which one on disk has no other."""
+    return SceneVariants(scene, raw_opacity=raw_opacity) if isinstance(scene, Gaussians) else OnDisk(scene)
 
 
 def unactivated(opacities: F32) -> F32:

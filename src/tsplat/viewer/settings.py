@@ -77,7 +77,9 @@ def _speed(ladder: Sequence[float], name: str) -> Step:
 
 def _step_kept(state: ViewerState, by: int) -> ViewerState:
     ladder = sorted({max(1, round(state.total * percent / 100)) for percent in KEPT_PERCENT})
-    return replace(state, kept=int(stepped(ladder, state.kept, by))) if state.total else state
+    if not state.total or state.on_disk:
+        return state
+    return replace(state, kept=int(stepped(ladder, state.kept, by)))
 
 
 def _step_sh(state: ViewerState, by: int) -> ViewerState:
@@ -105,6 +107,8 @@ def _step_alpha(state: ViewerState, by: int) -> ViewerState:
 
 
 def _show_kept(state: ViewerState) -> str:
+    if state.on_disk:
+        return f"{state.kept:,} (on disk)"
     percent = 100.0 * state.kept / max(1, state.total)
     return f"{state.kept:,} ({percent:.0f} %)" if percent >= 1.0 else f"{state.kept:,} (< 1 %)"
 
@@ -114,7 +118,13 @@ def _show_threads(state: ViewerState) -> str:
 
 
 def _toggle_raw(state: ViewerState, by: int) -> ViewerState:
-    return replace(state, raw_opacity=not state.raw_opacity) if by else state
+    return replace(state, raw_opacity=not state.raw_opacity) if by and not state.on_disk else state
+
+
+def _show_opacity(state: ViewerState) -> str:
+    if state.on_disk:
+        return "as stored"
+    return "raw" if state.raw_opacity else "sigmoid"
 
 
 def _show_move(state: ViewerState) -> str:
@@ -123,7 +133,7 @@ def _show_move(state: ViewerState) -> str:
 
 SETTINGS: tuple[Setting, ...] = (
     Setting("splats kept", _show_kept, _step_kept),
-    Setting("opacity", lambda state: "raw" if state.raw_opacity else "sigmoid", _toggle_raw),
+    Setting("opacity", _show_opacity, _toggle_raw),
     Setting("SH degree", lambda state: str(min(state.options.sh_degree, state.scene_degree)), _step_sh),
     Setting("antialias", lambda state: state.options.antialias, _step_antialias),
     Setting("output", lambda state: state.output, step_output),

@@ -99,6 +99,8 @@ class ViewerState:
         What this terminal can show, best first; ``output`` is one of them.
     total, kept : int
         Splats loaded, and how many of them are drawn from, the weightiest first.
+    on_disk : bool
+        Whether the scene stays on disk, so that ``kept`` and ``raw_opacity`` are what they are.
     raw_opacity : bool
         Whether the file's opacities are taken as they stand, not through the sigmoid.
     scene_degree : int
@@ -128,6 +130,7 @@ class ViewerState:
     output: str = "half"
     total: int = 0
     kept: int = 0
+    on_disk: bool = False
     raw_opacity: bool = False
     scene_degree: int = 3
     threads: int = 1
