@@ -10,10 +10,10 @@ from tests.raster.compare import front_camera, psnr
 from tests.scenes import random_gaussians
 from tsplat._jit import JIT, kernel
 from tsplat.lod import Cut, decimate, hierarchy
-from tsplat.lod import merge as merging
 from tsplat.lod.kd import kd_order
 from tsplat.lod.levels import coarser, finest
-from tsplat.lod.merge import new_scratch
+from tsplat.lod.merge import merge
+from tsplat.lod.merge_scratch import new_scratch, take
 from tsplat.raster import rasterize, rasterize_blocks, reference
 from tsplat.raster.prepare import BLOCK
 from tsplat.rendering import RenderOptions
@@ -21,7 +21,7 @@ from tsplat.scene import Gaussians
 
 N = 1300 if JIT else 60
 
-_take, _merge = kernel(merging.take), kernel(merging.merge)
+_take, _merge = kernel(take), kernel(merge)
 
 
 def level_of(gaussians: Gaussians, threads: int = 2):  # type: ignore[no-untyped-def]

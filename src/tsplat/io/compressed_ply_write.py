@@ -43,13 +43,8 @@ MORTON_BITS = 21
 def write(file: BinaryIO, gaussians: Gaussians) -> None:
     """Write a compressed PLY, splats in Morton order.
 
-    Parameters
-    ----------
-    file : binary file
-        Open for writing.
-    gaussians : Gaussians
-        The scene; harmonics beyond degree 3 are left out, coefficients beyond 4 and scales beyond ``exp(20)``
-        become the nearest that fits.
+    Harmonics beyond degree 3 are left out, coefficients beyond 4 and scales beyond ``exp(20)``
+    become the nearest that fits.
     """
     n, k = len(gaussians), min(gaussians.sh.shape[1], SH_COEFFICIENTS[SH_DEGREE_MAX])
     order = morton_order(gaussians.means)

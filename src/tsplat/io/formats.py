@@ -34,7 +34,7 @@ class Format:
     read : Reader
         Reads a scene.
     write : callable, optional
-        Writes a scene to a binary file.
+        Writes a scene to a binary file that is open for writing; what the format cannot hold becomes the nearest.
     levels : bool
         Whether there may be levels of detail.
     """

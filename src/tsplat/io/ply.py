@@ -83,12 +83,7 @@ def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) ->
 def write(file: BinaryIO, gaussians: Gaussians) -> None:
     """Write a little-endian splat PLY, columns in the order of the original training code.
 
-    Parameters
-    ----------
-    file : binary file
-        Open for writing.
-    gaussians : Gaussians
-        The scene; opacities of 0 and 1 and scales of 0 become the nearest that a file can hold.
+    Opacities of 0 and 1 and scales of 0 become the nearest that a file can hold.
     """
     k = gaussians.sh.shape[1]
     rest = sorted(rest_names(k), key=lambda name: int(name.rpartition("_")[2]))

@@ -48,13 +48,8 @@ LEAST_WEIGHT = 0.01
 def write(file: BinaryIO, gaussians: Gaussians) -> None:
     """Write a zipped SOG.
 
-    Parameters
-    ----------
-    file : binary file
-        Open for writing.
-    gaussians : Gaussians
-        The scene; values become the nearest that a byte or two can hold. Beyond degree 0, up to 65536 colours
-        stand for all others; what is beyond degree 3 is left out.
+    Values become the nearest that a byte or two can hold. Beyond degree 0, up to 65536 colours
+    stand for all others; what is beyond degree 3 is left out.
     """
     scene = gaussians.take(morton_order(gaussians.means))
     planes: Planes = {}

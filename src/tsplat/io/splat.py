@@ -81,12 +81,7 @@ def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) ->
 def write(file: BinaryIO, gaussians: Gaussians) -> None:
     """Write a ``.splat`` in the order of the scene, each value rounded to the nearest that a byte can hold.
 
-    Parameters
-    ----------
-    file : binary file
-        Open for writing.
-    gaussians : Gaussians
-        The scene. What colours change with the view is left out, and a colour is cut to 0 to 1.
+    What colours change with the view is left out, and a colour is cut to 0 to 1.
     """
     for part in chunks(len(gaussians)):
         records = np.empty(len(gaussians.means[part]), RECORD)

@@ -151,12 +151,7 @@ def fill(
 def write(file: BinaryIO, gaussians: Gaussians) -> None:
     """Write an SPZ of version 3, in the axes of the format.
 
-    Parameters
-    ----------
-    file : binary file
-        Open for writing.
-    gaussians : Gaussians
-        The scene; values become the nearest that a byte or three can hold.
+    Values become the nearest that a byte or three can hold.
 
     Raises
     ------

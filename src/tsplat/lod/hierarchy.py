@@ -16,7 +16,7 @@ from tsplat._jit import kernel, part
 from tsplat._threads import FIRST_FREE, claim, new_team
 from tsplat.lod.kd import Order, kd_order
 from tsplat.lod.levels import Level, coarser, finest
-from tsplat.lod.merge import area
+from tsplat.lod.merge_scratch import area
 from tsplat.raster.prepare import BLOCK, BOUNDS, Prepared, Target, empty, pack_block
 from tsplat.raster.workers import on_threads
 from tsplat.scene import Gaussians

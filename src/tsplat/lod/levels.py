@@ -9,7 +9,8 @@ import numpy.typing as npt
 
 from tsplat._jit import kernel
 from tsplat._threads import FIRST_FREE, claim, new_team
-from tsplat.lod.merge import keep, merge, new_scratch, take
+from tsplat.lod.merge import merge
+from tsplat.lod.merge_scratch import keep, new_scratch, take
 from tsplat.raster.prepare import BLOCK, covariance_of
 from tsplat.raster.workers import on_threads
 from tsplat.scene import Gaussians
