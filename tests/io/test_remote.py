@@ -276,7 +276,14 @@ def test_a_download_that_is_ended_leaves_nothing_behind(
     server.files = {"scene.ply": PLY + bytes(1 << 20)}
     command = [sys.executable, "-m", "tsplat", "info", server.url("hanging", "scene.ply")]
     environment = {**os.environ, "TMPDIR": str(temporary)}
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment)
+    process = subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env=environment,
+        # Tests that run in the background of a shell are deaf to some signals.
+        preexec_fn=lambda: signal.signal(number, signal.SIG_DFL),
+    )
     try:
         assert server.silent.wait(60)
         end = time.monotonic() + 60
