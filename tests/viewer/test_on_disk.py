@@ -43,7 +43,7 @@ def scene() -> Gaussians:
 def stored(tmp_path: Path, scene: Gaussians) -> Stored:
     with replacing(tmp_path / "x.tsplat") as file:
         store(file, scene, 1, lambda _: None)
-    return open_stored(tmp_path / "x.tsplat")
+    return open_stored(str(tmp_path / "x.tsplat"))
 
 
 def painter(scene: Gaussians | Stored) -> Painter:

@@ -73,7 +73,7 @@ class Stored:
         self.mapped.let_go()
 
 
-def open_stored(path: Path) -> Stored:
+def open_stored(path: str | Path) -> Stored:
     """Open a .tsplat file, in the same time whatever its size.
 
     Raises
@@ -84,6 +84,7 @@ def open_stored(path: Path) -> Stored:
         What its header says contradicts itself or the size of the file. What else is wrong in it is seen in the
         picture; `tsplat.load` and `tsplat info` compare all of it with its checksums.
     """
+    path = Path(path)
     try:
         mapped = open_mapped(path)
     except OSError as error:
