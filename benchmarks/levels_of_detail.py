@@ -14,7 +14,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -215,8 +215,7 @@ def copies(gaussians: Gaussians, count: int) -> Gaussians:
     side = math.ceil(math.sqrt(count))
     places = [(i % side, 0, i // side) for i in range(count)]
     means = [gaussians.means + (np.array(place) * 1.1 * (high - low)).astype(np.float32) for place in places]
-    repeat: Callable[[F32], F32] = lambda array: np.concatenate([array] * count)  # noqa: E731
-    quats, scales, opacities, sh = (repeat(array) for array in gaussians.arrays[1:])
+    quats, scales, opacities, sh = (np.concatenate([array] * count) for array in gaussians.arrays[1:])
     return Gaussians(np.concatenate(means), quats, scales, opacities, sh)
 
 
