@@ -20,6 +20,9 @@ F32 = npt.NDArray[np.float32]
 SH_COEFFICIENTS = (1, 4, 9, 16, 25)
 """How many spherical-harmonics coefficients a colour has at degree 0, 1, 2, 3 and 4."""
 
+SH_C0 = 0.28209479177387814
+"""The constant basis of the spherical harmonics, 1 / (2 sqrt(pi))."""
+
 ARRAYS = ("means", "quats", "scales", "opacities", "sh")
 
 

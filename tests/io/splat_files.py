@@ -9,10 +9,9 @@ import pytest
 from tests.raster.compare import psnr
 from tests.scenes import shared_scenes
 from tsplat.framing import start_pose
-from tsplat.io.splat import SH_C0
 from tsplat.raster import rasterize
 from tsplat.rendering import RenderOptions
-from tsplat.scene import Gaussians
+from tsplat.scene import SH_C0, Gaussians
 
 SCENES = shared_scenes()
 

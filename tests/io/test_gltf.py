@@ -18,9 +18,8 @@ from tests.scenes import random_gaussians
 from tsplat import io
 from tsplat.errors import LoadError, LoadWarning
 from tsplat.io import gltf_accessors, gltf_transform
-from tsplat.io.splat import SH_C0
 from tsplat.raster.reference import sh_basis
-from tsplat.scene import Gaussians
+from tsplat.scene import SH_C0, Gaussians
 
 HALF_TURN = np.diag([-1.0, -1.0, 1.0])
 """From +Y up to +Y down."""

@@ -17,8 +17,7 @@ from tests.scenes import random_gaussians
 from tsplat import io
 from tsplat.errors import CorruptFileError, LoadError, LoadWarning
 from tsplat.importance import importance
-from tsplat.io.splat import SH_C0
-from tsplat.scene import Gaussians
+from tsplat.scene import SH_C0, Gaussians
 
 HARMONIC_ERROR = (1e-7, 1e-3, (SH_RANGE[1] - SH_RANGE[0]) / 255 * 1.001)
 """Of a coefficient from -2 to 1 at each level; the last one is rounded down."""

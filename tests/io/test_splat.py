@@ -14,8 +14,7 @@ from tests.scenes import random_gaussians
 from tsplat import io
 from tsplat.errors import CorruptFileError, LoadWarning
 from tsplat.importance import importance
-from tsplat.io import splat
-from tsplat.scene import Gaussians
+from tsplat.scene import SH_C0, Gaussians
 
 
 def load_bytes(folder: Path, raw: bytes, name: str = "scene.splat") -> Gaussians:
@@ -102,7 +101,7 @@ def test_saving_keeps_the_scene_to_the_nearest_byte(tmp_path: Path, rng: np.rand
     np.testing.assert_array_equal(after.means, before.means)
     np.testing.assert_array_equal(after.scales, before.scales)
     np.testing.assert_allclose(after.opacities, before.opacities, atol=0.501 / 255)
-    colors = [0.5 + splat.SH_C0 * scene.sh[:, 0] for scene in (after, before)]
+    colors = [0.5 + SH_C0 * scene.sh[:, 0] for scene in (after, before)]
     np.testing.assert_allclose(colors[0], np.clip(colors[1], 0, 1), atol=0.501 / 255)
     assert apart(after.quats, before.quats) < 2 * math.sqrt(4) * 0.75 / 128
     assert likeness(after, in_bytes(before, 0)) > 40.0
@@ -130,7 +129,7 @@ def test_real_files_agree_with_their_ply_twins(name: str) -> None:
     np.testing.assert_array_equal(found.means, truth.means)
     np.testing.assert_allclose(found.scales, truth.scales, rtol=3e-7)
     np.testing.assert_allclose(found.opacities, truth.opacities, atol=1.01 / 255)  # its writer rounds down
-    colors = [0.5 + splat.SH_C0 * scene.sh[:, 0] for scene in (found, truth)]
+    colors = [0.5 + SH_C0 * scene.sh[:, 0] for scene in (found, truth)]
     np.testing.assert_allclose(colors[0], np.clip(colors[1], 0, 1), atol=1.01 / 255)
     assert apart(found.quats, truth.quats) < 2 * math.sqrt(4) * 0.75 / 128
     assert likeness(found, in_bytes(truth, 0)) > 42.0

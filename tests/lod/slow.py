@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from tsplat.raster.prepare import SH_C0
+from tsplat.scene import SH_C0
 
 F64 = npt.NDArray[np.float64]
 

@@ -9,13 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from tsplat.framing import Bulk
-from tsplat.scene import Gaussians
+from tsplat.scene import SH_C0, Gaussians
 
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
-
-SH_C0 = 0.5 * math.sqrt(1.0 / math.pi)
-"""Value of the harmonic of degree 0, the same in all directions."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

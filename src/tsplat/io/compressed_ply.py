@@ -23,6 +23,7 @@ from tsplat.io.ply_header import Element, Header
 from tsplat.io.ply_rows import find_rows
 from tsplat.io.smallest_three import BY_COMPONENT, fill_quats
 from tsplat.io.threads import on_threads
+from tsplat.scene import SH_C0
 
 U32 = npt.NDArray[np.uint32]
 Records = npt.NDArray[np.void]
@@ -33,7 +34,6 @@ CHUNK = 256
 BLOCK = 16 * CHUNK
 """Rows decoded at once; as many as `tsplat.io.arrays.CHUNK`, but whole chunks in any case."""
 
-SH_C0 = 0.28209479177387814
 SH_RANGE = 4.0
 """Higher coefficients are kept from minus to plus this."""
 

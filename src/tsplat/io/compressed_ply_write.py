@@ -18,12 +18,11 @@ from tsplat.io.compressed_ply import (
     COLOR_BOUNDS,
     POSITION_BOUNDS,
     SCALE_BOUNDS,
-    SH_C0,
     SH_RANGE,
     WORDS,
 )
 from tsplat.io.ply_comments import antialias_comments
-from tsplat.scene import SH_COEFFICIENTS, Gaussians
+from tsplat.scene import SH_C0, SH_COEFFICIENTS, Gaussians
 
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]

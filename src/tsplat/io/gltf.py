@@ -15,11 +15,12 @@ import numpy as np
 import numpy.typing as npt
 
 from tsplat.errors import LoadError, LoadWarning
+from tsplat.io.arrays import Arrays
 from tsplat.io.finish import finish
 from tsplat.io.gltf_document import MAGIC, Document, open_document
 from tsplat.io.gltf_nodes import placed_meshes
 from tsplat.io.gltf_primitives import EXTENSION, find_primitives
-from tsplat.io.gltf_splats import Arrays, Primitive
+from tsplat.io.gltf_splats import Primitive
 from tsplat.io.gltf_transform import move
 from tsplat.io.options import LoadOptions
 from tsplat.scene import Gaussians

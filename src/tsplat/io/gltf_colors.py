@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from tsplat.io.splat import SH_C0
+from tsplat.scene import SH_C0
 
 F32 = npt.NDArray[np.float32]
 

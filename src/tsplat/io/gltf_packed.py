@@ -13,8 +13,9 @@ from io import BytesIO
 
 from tsplat.errors import LoadError
 from tsplat.io import arrays as spz_arrays
+from tsplat.io.arrays import Arrays
 from tsplat.io.gltf_document import Document, Stretch
-from tsplat.io.gltf_splats import Arrays, Primitive
+from tsplat.io.gltf_splats import Primitive
 from tsplat.io.sog_json import Fields
 from tsplat.io.spz import fill, open_streams
 from tsplat.io.spz_header import ANTIALIASED, REST_COEFFICIENTS, Header, Streams

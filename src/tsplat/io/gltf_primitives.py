@@ -13,14 +13,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from tsplat.io.arrays import Arrays
 from tsplat.io.gltf_accessors import Accessor, find_accessor
 from tsplat.io.gltf_colors import show_linear
 from tsplat.io.gltf_document import Document, items
 from tsplat.io.gltf_packed import find_packed
-from tsplat.io.gltf_splats import Arrays, Fill, Primitive
+from tsplat.io.gltf_splats import Fill, Primitive
 from tsplat.io.sog_json import Fields
-from tsplat.io.splat import SH_C0
-from tsplat.scene import SH_COEFFICIENTS
+from tsplat.scene import SH_C0, SH_COEFFICIENTS
 
 F32 = npt.NDArray[np.float32]
 

@@ -4,23 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
-import numpy as np
-import numpy.typing as npt
-
-F32 = npt.NDArray[np.float32]
-
-
-class Arrays(NamedTuple):
-    """The arrays of `Gaussians`, not yet checked; quats may be of any length."""
-
-    means: F32
-    quats: F32
-    scales: F32
-    opacities: F32
-    sh: F32
-
+from tsplat.io.arrays import Arrays
 
 Fill = Callable[[Arrays, Callable[[float], None]], None]
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from tsplat.io.gltf_splats import Arrays
+from tsplat.io.arrays import Arrays
 from tsplat.rotations import quat_products, quats_of, rotations_of
 from tsplat.sh_rotation import rotate_sh
 

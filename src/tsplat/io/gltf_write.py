@@ -18,8 +18,7 @@ from tsplat.errors import SaveError
 from tsplat.io.gltf_colors import to_linear
 from tsplat.io.gltf_document import CHUNK, HEADER, MAGIC
 from tsplat.io.gltf_primitives import COLOR_SPACES, EXTENSION
-from tsplat.io.splat import SH_C0
-from tsplat.scene import Gaussians
+from tsplat.scene import SH_C0, Gaussians
 from tsplat.sh_rotation import sh_rotation
 
 MEANS_SIGNS = np.array([-1.0, -1.0, 1.0], np.float32)

@@ -17,7 +17,7 @@ from tsplat.io.finish import finish
 from tsplat.io.npz_arrays import Header, read_array, read_header
 from tsplat.io.options import LoadOptions
 from tsplat.io.sog_files import Archive
-from tsplat.scene import SH_COEFFICIENTS, Gaussians
+from tsplat.scene import SH_C0, SH_COEFFICIENTS, Gaussians
 
 F32 = npt.NDArray[np.float32]
 Members = dict[str, str]
@@ -39,8 +39,6 @@ SHAPES: dict[str, tuple[tuple[int, ...], ...]] = {
 NERFSTUDIO = {"sh0": "features_dc", "shN": "features_rest"}
 """What goes by another name there."""
 
-SH_C0 = 0.28209479177387814
-"""The constant basis of the spherical harmonics, 1 / (2 sqrt(pi))."""
 
 SPARE_SPLATS = 1 << 16
 """Means of more splats than this, and than they have bytes, are a trap: even halves in order take three each."""

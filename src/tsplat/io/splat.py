@@ -19,15 +19,13 @@ from tsplat.io.arrays import F32, Arrays, chunks
 from tsplat.io.finish import finish
 from tsplat.io.options import LoadOptions
 from tsplat.io.threads import on_threads
-from tsplat.scene import Gaussians
+from tsplat.scene import SH_C0, Gaussians
 
 U8 = npt.NDArray[np.uint8]
 Records = npt.NDArray[np.void]
 
 RECORD = np.dtype([("means", "<f4", 3), ("scales", "<f4", 3), ("rgba", "u1", 4), ("quats", "u1", 4)])
 
-SH_C0 = 0.28209479177387814
-"""The constant basis of the spherical harmonics, 1 / (2 sqrt(pi))."""
 
 QUAT_STEPS = np.float32(128.0)
 

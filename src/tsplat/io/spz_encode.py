@@ -26,7 +26,7 @@ from tsplat.io.spz_decode import (
     SMALLEST_BITS,
 )
 from tsplat.io.spz_header import ANTIALIASED, HEADER, MAGIC
-from tsplat.scene import SH_COEFFICIENTS, Gaussians
+from tsplat.scene import SH_C0, SH_COEFFICIENTS, Gaussians
 
 F32 = npt.NDArray[np.float32]
 
@@ -40,7 +40,6 @@ SH_DEGREE_MAX = 3
 FRACTIONAL_BITS = 12
 """What Niantic's library always writes: steps of a quarter of a millimetre in a scene in metres."""
 
-SH_C0 = 0.28209479177387814
 BRIGHTEST = 0.5 + SH_C0 * 0.5 / COLOUR_SCALE
 """The largest colour that the byte of a colour holds."""
 
@@ -95,7 +94,7 @@ def _streams(gaussians: Gaussians, bits: int) -> Iterator[bytes]:
     for part in parts:
         yield _fixed(gaussians.means[part] * MEANS_SIGNS, bits)
     for part in parts:
-        yield _bytes(_opacities(gaussians.take(range(*part.indices(len(gaussians))))) * 255)
+        yield _bytes(_opacities(gaussians.opacities[part], gaussians.scales[part], gaussians.sh[part, 0]) * 255)
     for part in parts:
         yield _bytes(np.clip(gaussians.sh[part, 0] * COLOUR_SCALE + 0.5, 0, 1) * 255)
     for part in parts:
@@ -106,20 +105,20 @@ def _streams(gaussians: Gaussians, bits: int) -> Iterator[bytes]:
         yield _bytes(np.clip(gaussians.sh[part, 1:k] * signs, -1, 1) * 128 + 128)
 
 
-def _opacities(gaussians: Gaussians) -> F32:
+def _opacities(opacities: F32, scales: F32, sh_first: F32) -> F32:
     """Return the opacities that make up for what scales lose by rounding, and colours by being cut.
 
     A splat of a little less area shows as much of it with a little more opacity; one too bright for the format
     takes as much light in front of `GREY` if it covers more.
     """
-    kept = SCALES[_scale_steps(gaussians.scales)]
-    shares = area(gaussians.scales) / np.maximum(area(kept), np.finfo(np.float32).tiny)
-    colors = 0.5 + SH_C0 * gaussians.sh[:, 0].astype(np.float64)
+    kept = SCALES[_scale_steps(scales)]
+    shares = area(scales) / np.maximum(area(kept), np.finfo(np.float32).tiny)
+    colors = 0.5 + SH_C0 * sh_first.astype(np.float64)
     lost = np.where((colors > BRIGHTEST).any(axis=1), (colors - np.minimum(colors, BRIGHTEST)).mean(axis=1), 0.0)
     brightness = np.minimum(colors, BRIGHTEST).mean(axis=1) - GREY
     with np.errstate(divide="ignore", invalid="ignore"):
         shares *= np.where((lost > 0) & (brightness > 0), 1.0 + lost / brightness, 1.0)
-    return np.asarray(np.minimum(gaussians.opacities * np.clip(shares, 0.0, MOST_GAIN), 1.0), np.float32)
+    return np.asarray(np.minimum(opacities * np.clip(shares, 0.0, MOST_GAIN), 1.0), np.float32)
 
 
 def _scale_steps(scales: F32) -> npt.NDArray[np.uint8]:

@@ -13,7 +13,8 @@ import numpy.typing as npt
 
 from tsplat._jit import kernel, part
 from tsplat._lanes import LANES
-from tsplat.raster.prepare import BLOCK, SH_C0
+from tsplat.raster.prepare import BLOCK
+from tsplat.scene import SH_C0
 
 F32 = npt.NDArray[np.float32]
 

@@ -21,7 +21,7 @@ from tsplat._moves import store_half
 from tsplat._threads import FIRST_FREE, claim, new_team
 from tsplat.raster.buffers import Buffers, aligned
 from tsplat.raster.workers import on_threads
-from tsplat.scene import SH_COEFFICIENTS, Gaussians
+from tsplat.scene import SH_C0, SH_COEFFICIENTS, Gaussians
 
 F32 = npt.NDArray[np.float32]
 
@@ -31,8 +31,6 @@ BLOCK = 256
 BOUNDS = 5
 """Numbers that say where the splats of a block are, see `Prepared`."""
 
-SH_C0 = 0.28209479177387814
-"""The constant basis function of spherical harmonics."""
 
 HALF_MAX = 65504.0
 """The largest half-precision number; no trained harmonic comes near it."""
