@@ -13,8 +13,8 @@ from tsplat._jit import kernel
 
 
 @kernel
-def _taken_apart(members):  # type: ignore[no-untyped-def]
-    return bits.lowest(members), bits.count(members), bits.others(members)
+def _taken_apart(members, found):  # type: ignore[no-untyped-def]
+    found[0], found[1], found[2] = bits.lowest(members), bits.count(members), bits.others(members)
 
 
 @kernel
@@ -37,7 +37,9 @@ def _spans(ends):  # type: ignore[no-untyped-def]
 def test_the_lowest_member_the_others_and_their_number(members: set[int]) -> None:
     lowest = min(members, default=64)
     others = sum(1 << member for member in members - {lowest})
-    assert _taken_apart(np.uint64(sum(1 << member for member in members))) == (lowest, len(members), others)
+    found = np.empty(3, np.uint64)
+    _taken_apart(np.uint64(sum(1 << member for member in members)), found)
+    assert found.tolist() == [lowest, len(members), others]
 
 
 @given(hnp.arrays(np.uint16, 64), st.integers(0, 15))

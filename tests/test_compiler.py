@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 import pytest
-from numba.core.errors import TypingError
+from numba.core.errors import NumbaError, TypingError
 
 from tsplat._compiler import with_room
 from tsplat._jit import JIT, kernel, part
@@ -49,6 +50,24 @@ def test_garbage_is_collected_after_compiling_just_if_it_was_before(before: bool
     with pytest.raises(TypingError):
         kernel(lambda x: x.nothing)(1)
     assert gc.isenabled() is before
+
+
+@compiled_only
+@pytest.mark.parametrize(
+    "wrong",
+    [lambda values: values.reshape(-1)[0], lambda values: np.zeros(len(values))[0], lambda values: len([values])],
+)
+def test_what_would_need_numba_when_it_runs_is_no_kernel(wrong: Callable[..., Any]) -> None:
+    with pytest.raises((TypeError, NumbaError)):
+        kernel(wrong)(np.zeros((2, 3))[:, ::2])
+
+
+@compiled_only
+def test_a_kernel_returns_a_number_or_nothing() -> None:
+    assert kernel(lambda x: x > 2)(3) is True
+    assert kernel(lambda _: None)(3) is None
+    with pytest.raises(TypeError, match="returns a number, or nothing"):
+        kernel(lambda x: (x, x))(3)
 
 
 def test_deep_calls_with_room_map_no_memory() -> None:

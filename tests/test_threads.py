@@ -55,26 +55,26 @@ def _time():  # type: ignore[no-untyped-def]
 
 def test_every_number_is_taken_by_exactly_one_worker() -> None:
     team, taken = _threads.new_team(1), np.zeros((WORKERS, 1000), np.int64)
-    on_threads(WORKERS, team, _numbers, (team, taken))
+    on_threads(WORKERS, team, _numbers.on((team, taken)))
     assert (taken.sum(0) == 1).all()
 
 
 def test_nobody_leaves_a_meeting_before_all_have_come() -> None:
     team, places = _threads.new_team(0), np.zeros(WORKERS, np.int64)
-    assert on_threads(WORKERS, team, _rounds, (team, places)) == 0
+    assert on_threads(WORKERS, team, _rounds.on((team, places))) == 0
 
 
 def test_a_worker_that_never_comes_does_not_keep_the_others_waiting() -> None:
     team = _threads.new_team(0)
 
-    def come(worker: int, job: np.ndarray) -> bool:
+    def come(worker: int) -> bool:
         if worker == 0:
             raise KeyboardInterrupt
-        assert not _wait(worker, job)
+        assert not _wait(worker, team)
         return True
 
     with pytest.raises(KeyboardInterrupt):
-        on_threads(WORKERS, team, come, team)
+        on_threads(WORKERS, team, come)
 
 
 def test_kernels_and_python_read_the_same_clock() -> None:
@@ -86,12 +86,12 @@ def test_kernels_and_python_read_the_same_clock() -> None:
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="nothing forks on this system")
 def test_a_forked_child_draws_with_threads_of_its_own() -> None:
     team, taken = _threads.new_team(1), np.zeros((WORKERS, 50), np.int64)
-    on_threads(WORKERS, team, _numbers, (team, taken))
+    on_threads(WORKERS, team, _numbers.on((team, taken)))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # forking beside threads is what is tried here
         child = os.fork()
     if child == 0:
-        on_threads(WORKERS, team, _numbers, (team, taken))
+        on_threads(WORKERS, team, _numbers.on((team, taken)))
         os._exit(0)
     deadline = time.monotonic() + 20
     while (ended := os.waitpid(child, os.WNOHANG)) == (0, 0) and time.monotonic() < deadline:

@@ -19,12 +19,12 @@ DEADLINE = 60.0
 class Compiling(WarmUp):
     """Says that it compiles, until it was asked a few times."""
 
-    def __init__(self, seconds: float) -> None:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, seconds: float) -> None:
         super().__init__(lambda: None)
-        self.seconds, self.asked = seconds, 0
+        self.asked = 0
+        monkeypatch.setattr(warmup, "progress", lambda: Progress(4, 9, seconds))
 
     def start(self) -> WarmUp:
-        self._progress = lambda: Progress(4, 9, self.seconds)
         return self
 
     def done(self, timeout: float) -> bool:  # noqa: ARG002
@@ -40,7 +40,7 @@ class Terminal(io.StringIO):
 def said(monkeypatch: pytest.MonkeyPatch, stderr: io.StringIO, seconds: float) -> str:
     """Return what is said while kernels compile for this long."""
     monkeypatch.setattr(sys, "stderr", stderr)
-    progress.wait_for_kernels(Compiling(seconds))
+    progress.wait_for_kernels(Compiling(monkeypatch, seconds))
     return stderr.getvalue()
 
 
@@ -67,7 +67,7 @@ def test_the_line_goes_away_when_the_person_gives_up(monkeypatch: pytest.MonkeyP
     stderr = Terminal()
     monkeypatch.setattr(sys, "stderr", stderr)
     with pytest.raises(KeyboardInterrupt):
-        progress.wait_for_kernels(GivenUp(3.0))
+        progress.wait_for_kernels(GivenUp(monkeypatch, 3.0))
     assert stderr.getvalue().endswith("3 s\r\x1b[K")
 
 
@@ -108,8 +108,8 @@ def test_after_the_tiny_picture_a_real_one_needs_no_other_kernel() -> None:
 from tsplat import _kernel_cache, warmup
 warmup.draw_tiny()
 asked = []
-load = _kernel_cache.LoadingCache.load_overload
-_kernel_cache.LoadingCache.load_overload = lambda self, *args: asked.append(self) or load(self, *args)
+place = _kernel_cache.place
+_kernel_cache.place = lambda function, types: asked.append(function) or place(function, types)
 import numpy as np, tsplat
 from tests.scenes import random_gaussians
 camera = tsplat.Camera.look_at((0, 0, -3), (0, 0, 0), (0, -1, 0), width=200, height=150, fov_y=55.0)
@@ -128,5 +128,5 @@ def test_warming_up_draws_nothing_where_nothing_is_compiled(monkeypatch: pytest.
         raise AssertionError("drawn")
 
     monkeypatch.setattr("tsplat.raster.rasterize", refuse)  # first: importing it asks for JIT too
-    monkeypatch.setattr("tsplat._jit.JIT", False)
+    monkeypatch.setattr("tsplat.warmup.JIT", False)
     warmup.draw_tiny()

@@ -55,7 +55,7 @@ def render(scene: Gaussians | Stored, camera: Camera, *, lod: bool | int = False
         from tsplat.drawing import draw_all
 
         return draw_all(scene, camera, chosen)
-    # Brings in Numba, which `import tsplat` should not wait for.
+    # Levels of detail are most kernels there are; `import tsplat` does not wait for them.
     from tsplat.lod import default_budget, rasterize_within
 
     if lod < 1:

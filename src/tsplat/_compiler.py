@@ -12,29 +12,108 @@ from typing import Any
 
 import numba
 import numba._dynfunc as dynfunc
+from numba.core import event
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler
+from numba.core.compiler import Compiler, Flags
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.registry import cpu_target
+from numba.extending import register_jitable
+
+from tsplat._llvm import entry
+from tsplat._machine_code import MachineCode
+from tsplat._parts import PARTS
+
+FASTMATH = {"contract", "arcp", "nsz"}
+"""Fused multiply-add and reciprocals; nan and infinity keep their meaning, and sums their order:
+``reassoc`` would simplify the rounding trick of `_lanes.exp2` away."""
+
+OPTIONS: dict[str, Any] = {
+    "error_model": "numpy", "fastmath": FASTMATH, "_nrt": False,
+    "no_cfunc_wrapper": True, "no_cpython_wrapper": True,
+}  # fmt: skip
+"""No Python objects and nothing that counts references, so machine code needs nothing of Numba's to run."""
 
 ROOM = 1 << 16
 """Pointers in a frame: for it, Python reserves a megabyte, most of it untouched, and half is left for others."""
 
 
-class KernelCompiler(Compiler):  # type: ignore[misc]
-    """Compiles a function that Python calls, and its parts on the way."""
+def compile_kernel(
+    function: Callable[..., Any], arguments: tuple[Any, ...], heard: Callable[[Callable[..., Any]], None]
+) -> MachineCode:
+    """Compile a function for the types of such arguments.
 
-    def compile_extra(self, func: Callable[..., Any]) -> Any:
-        """Compile, without looking for garbage over and over: most of what there is is still used."""
-        collecting = gc.isenabled()
-        gc.disable()
-        try:
-            return with_room(super().compile_extra)(func)
-        finally:
-            if collecting:
-                gc.enable()
+    Parameters
+    ----------
+    function : callable
+        As `tsplat._jit.Kernel` takes it.
+    arguments : tuple
+        As it will be called with.
+    heard : callable
+        Called with every part when it is compiled.
+
+    Raises
+    ------
+    numba.core.errors.NumbaError
+        It is not what a kernel can be.
+    """
+    listener = _Listener(heard)
+    event.register("numba:compile", listener)
+    collecting = gc.isenabled()
+    gc.disable()  # most of what there is is still used
+    try:
+        code: MachineCode = with_room(_compiled)(function, arguments)
+        return code
+    finally:
+        if collecting:
+            gc.enable()
+        event.unregister("numba:compile", listener)
+
+
+@global_compiler_lock  # type: ignore[untyped-decorator]
+def _compiled(function: Callable[..., Any], arguments: tuple[Any, ...]) -> MachineCode:
+    _register_parts()
+    context = cpu_target.target_context
+    flags = Flags()
+    cpu_target.options.parse_as_flags(flags, OPTIONS | {"nopython": True})
+    types = tuple(entry.type_of(each) for each in arguments)
+    pipeline = PartCompiler(cpu_target.typing_context, context, None, types, None, flags, {})
+    compiled = pipeline.compile_extra(function)
+    library = _KernelLibrary(context.codegen(), function.__name__)
+    library.add_linking_library(compiled.library)
+    module, context = library.create_ir_module("entry"), pipeline.state.targetctx
+    with context.push_code_library(library):
+        result = entry.define(context, module, compiled)
+    library.add_ir_module(module)
+    library.finalize()
+    return MachineCode(result, library.object_file)
+
+
+_registered = 0
+
+
+def _register_parts() -> None:
+    """Tell Numba of the parts that were defined since the last time."""
+    global _registered
+    for function in PARTS[_registered:]:
+        register_jitable(**OPTIONS, pipeline_class=PartCompiler)(function)
+        _registered += 1
+
+
+class _Listener(event.Listener):  # type: ignore[misc]
+    """Hears when Numba has compiled a part."""
+
+    def __init__(self, heard: Callable[[Callable[..., Any]], None]) -> None:
+        self.heard = heard
+
+    def on_start(self, event: Any) -> None:
+        pass
+
+    def on_end(self, event: Any) -> None:
+        self.heard(event.data["dispatcher"].py_func)
 
 
 class PartCompiler(Compiler):  # type: ignore[misc]
-    """Compiles a function that only kernels call, as far as they need it: into LLVM's language."""
+    """Compiles a function as far as a kernel needs it: into LLVM's language."""
 
     def __init__(
         self, typing_context: Any, target_context: Any, _: Any, args: Any, result: Any, flags: Any, names: Any
@@ -59,6 +138,22 @@ class _PartLibrary(JITCodeLibrary):  # type: ignore[misc]
 
     def _finalize_final_module(self) -> None:
         self._finalize_dynamic_globals()
+        self._finalized = True
+
+
+class _KernelLibrary(JITCodeLibrary):  # type: ignore[misc]
+    """A kernel with all its parts, which becomes an object file instead of being linked here."""
+
+    object_file: bytes
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        assert not self._dynamic_globals, f"{self.name}: holds addresses of this process"
+        self._verify_declare_only_symbols()
+        called = [function.name for function in self._final_module.functions if function.is_declaration]
+        if missing := [name for name in called if name.startswith(("numba", "NRT"))]:
+            raise TypeError(f"kernel {self.name} needs {', '.join(missing)}, which only Numba has")
+        self.object_file = self._codegen._tm.emit_object(self._final_module)
         self._finalized = True
 
 

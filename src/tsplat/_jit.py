@@ -1,32 +1,21 @@
-"""The only use of njit, so that options never drift; it also counts what is compiled, for those who wait."""
+"""Kernels: functions that become machine code when they are first called, unless an earlier process left it."""
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple, ParamSpec, TypeVar
 
-import numba
-from numba.core import event
-from numba.extending import intrinsic, register_jitable
+from tsplat._arguments import Types, described, flat, packing
+from tsplat._parts import JIT, PARTS, part
 
-from tsplat._compiler import KernelCompiler, PartCompiler
-from tsplat._kernel_cache import keep_compiled
+__all__ = ["JIT", "Kernel", "Progress", "kernel", "part", "progress"]
 
-Function = TypeVar("Function", bound=Callable[..., Any])
+P = ParamSpec("P")
+Result = TypeVar("Result")
 
-_config: Any = numba.config
-
-JIT = not _config.DISABLE_JIT
-"""False under NUMBA_DISABLE_JIT: kernels and lanes then run as plain Python, for tests and debuggers."""
-
-FASTMATH = {"contract", "arcp", "nsz"}
-"""Fused multiply-add and reciprocals; nan and infinity keep their meaning, and sums their order:
-``reassoc`` would simplify the rounding trick of `_lanes.exp2` away."""
-
-OPTIONS: dict[str, Any] = {
-    "nogil": True, "error_model": "numpy", "fastmath": FASTMATH, "no_cfunc_wrapper": True
-}  # fmt: skip
+_compiling = threading.RLock()
 
 
 class Progress(NamedTuple):
@@ -37,59 +26,108 @@ class Progress(NamedTuple):
     seconds: float
 
 
-class _Watch(event.Listener):  # type: ignore[misc]
-    """Hears when Numba starts and ends to compile a function; loading one makes no sound."""
+class _Watch:
+    """Counts what is compiled, for those who wait; loading makes no sound."""
 
     def __init__(self) -> None:
-        self.known: set[Any] = set()
+        self.kernels: list[Any] = []
         self.done: set[Any] = set()
         self.start: float | None = None
 
-    def on_start(self, event: Any) -> None:
-        if self.start is None and event.data["dispatcher"].py_func in self.known:
-            self.start = time.perf_counter()
-
-    def on_end(self, event: Any) -> None:
-        self.done.add(event.data["dispatcher"].py_func)
+    def begin(self) -> None:
+        """Look at the clock, at the first function that is compiled."""
+        self.start = self.start or time.perf_counter()
 
 
 _watch = _Watch()
-event.register("numba:compile", _watch)
 
 
 def progress() -> Progress | None:
     """Return how far compiling is, or None where this process has compiled nothing, as most processes do."""
     if _watch.start is None:
         return None
-    known = _watch.known.copy()  # another thread may be importing kernels
+    known = {*_watch.kernels, *PARTS}
     return Progress(len(known & _watch.done), len(known), time.perf_counter() - _watch.start)
 
 
-def kernel(function: Function) -> Function:
-    """Compile a function on its first call; it must neither raise nor touch Python objects.
+class Kernel(Generic[P, Result]):
+    """A function as machine code, made for the types of its arguments when it is first called with them.
 
-    It releases the interpreter lock, divides by zero as IEEE does, and is cached on disk.
+    Parameters
+    ----------
+    function : callable
+        It must neither raise, nor allocate arrays, nor touch Python's objects, and it returns a number, or
+        nothing. It releases the interpreter lock and divides by zero as IEEE does.
     """
-    compiled: Function = numba.njit(function, **OPTIONS, pipeline_class=KernelCompiler)
-    if JIT:
-        _watch.known.add(function)
-        keep_compiled(compiled, function)
-    return compiled
+
+    def __init__(self, function: Callable[P, Result]) -> None:
+        self.function = function
+        self.codes: dict[Types, Callable[[list[Any]], Any]] = {}
+        self.__name__, self.__doc__ = function.__name__, function.__doc__
+        _watch.kernels.append(function)
+
+    def __call__(self, *args: P.args, **kwargs: P.kwargs) -> Result:
+        """Run it; arguments are given by their places."""
+        if not JIT:
+            return self.function(*args, **kwargs)
+        assert not kwargs
+        types, values = flat(args)
+        result: Result = self._code(types, args)(values)
+        return result
+
+    def on(self, job: Any) -> Callable[[int], Result]:
+        """Return ``function(worker, job)`` as a function of the worker; the job is looked at only once."""
+        if not JIT:
+            return lambda worker: self.function(worker, job)  # type: ignore[call-arg, arg-type]
+        types, (_, *values) = flat((0, job))
+        code = self._code(types, (0, job))
+
+        def run(worker: int, _keep_alive: Any = job) -> Result:
+            result: Result = code([worker, *values])
+            return result
+
+        return run
+
+    def ready(self, *args: Any) -> bool:
+        """Tell whether a call with such arguments would compile nothing."""
+        return not JIT or self._find(flat(args).types) is not None
+
+    def _code(self, types: Types, args: tuple[Any, ...]) -> Callable[[list[Any]], Any]:
+        found = self._find(types)
+        if found is None:
+            with _compiling:
+                found = self._find(types) or self._compiled(types, args)
+        return found
+
+    def _find(self, types: Types) -> Callable[[list[Any]], Any] | None:
+        """Return the machine code for these types where it is loaded or kept."""
+        found = self.codes.get(types)
+        if found is None:
+            from tsplat._kernel_cache import kept, place  # brings in LLVM
+
+            code = kept(place(self.function, described(types)))
+            if code is not None:
+                found = self._remember(types, code)
+        return found
+
+    def _compiled(self, types: Types, args: tuple[Any, ...]) -> Callable[[list[Any]], Any]:
+        from tsplat._compiler import compile_kernel  # brings in Numba
+        from tsplat._kernel_cache import keep, place
+
+        _watch.begin()
+        code = compile_kernel(self.function, args, _watch.done.add)
+        _watch.done.add(self.function)
+        keep(place(self.function, described(types)), code)
+        return self._remember(types, code)
+
+    def _remember(self, types: Types, code: Any) -> Callable[[list[Any]], Any]:
+        from tsplat._machine_code import linked
+
+        run, pack = linked(code), packing(types).pack
+        found = self.codes[types] = lambda values: run(pack(*values))
+        return found
 
 
-def part(function: Function) -> Function:
-    """Let kernels call a function, which allocates no arrays; called from Python it is plain Python.
-
-    It has less to compile than a `kernel`: nothing that takes Python's objects apart or counts references, and
-    it becomes machine code only within a kernel. A test that wants it compiled makes it a kernel as well:
-    ``kernel(function)``.
-    """
-    if JIT:
-        _watch.known.add(function)
-    registered: Function = register_jitable(**OPTIONS, _nrt=False, pipeline_class=PartCompiler)(function)
-    return registered
-
-
-def device(function: Callable[..., Any]) -> Any:
-    """Make a word for kernels out of LLVM instructions; see `numba.extending.intrinsic`."""
-    return intrinsic(function)
+def kernel(function: Callable[P, Result]) -> Kernel[P, Result]:
+    """Make a kernel of a function, see `Kernel`."""
+    return Kernel(function)

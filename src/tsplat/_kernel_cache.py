@@ -1,26 +1,27 @@
 """Where machine code is kept between runs, under a name that changes whenever the code could.
 
-Numba notices an edit only in the file of the kernel itself, not in the helpers it calls nor in the
-constants it imports. Here the folder is named after everything that can change the machine code, so
+The folder is named after everything that can change the machine code: this package, Numba and its settings. So
 it is never stale, and it lies in the user's cache, so a read-only installation compiles once as well.
 """
 
 from __future__ import annotations
 
 import hashlib
+import importlib.util
+import marshal
 import os
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+import re
+from collections.abc import Callable
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import numba
 import platformdirs
-from numba.core.caching import FunctionCache
-from numba.core.runtime.nrt import rtsys
 
-_config: Any = numba.config
+from tsplat._machine_code import MachineCode, from_bytes, processor, to_bytes
+from tsplat.errors import SaveError
+from tsplat.files import replacing
 
 NOT_COMPILED = frozenset(
     {"bench", "cache", "convert", "doctor", "info", "io", "optimize", "record", "terminal", "viewer"}
@@ -28,35 +29,52 @@ NOT_COMPILED = frozenset(
 )
 """What no kernel can see, because the layers forbid it: editing these compiles nothing again."""
 
+PACKAGE = Path(__file__).parent
 
-class LoadingCache(FunctionCache):
-    """Numba's cache, but loading does without what only compiling needs.
 
-    Numba first registers every function it knows, for a quarter of a second; the compiler does so
-    itself when it comes to that.
+def place(function: Callable[..., Any], types: str) -> Path | None:
+    """Return the file for a kernel's machine code for some types, or None where no such file can be written.
+
+    Parameters
+    ----------
+    function : callable
+        The kernel as Python.
+    types : str
+        Of its arguments, see `tsplat._arguments.described`.
     """
-
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return the compiled function of this signature, or None."""
-        rtsys.initialize(target_context)
-        with self._guard_against_spurious_io_errors():
-            return self._load_overload(sig, target_context)
-
-
-def keep_compiled(dispatcher: Any, function: Callable[..., Any]) -> None:
-    """Let a dispatcher load its machine code from the cache folder and keep it there, where there is one."""
     folder = cache_folder()
     if folder is None:
-        return
-    with _numba_cache_dir(folder):
-        dispatcher._cache = LoadingCache(function)
+        return None
+    file = Path(function.__code__.co_filename)
+    digest = hashlib.sha256(marshal.dumps(function.__code__))
+    digest.update(f"{function.__module__} {types} {processor()}".encode())
+    if not file.is_relative_to(PACKAGE):  # the folder's name does not know what else is in that file
+        with suppress(OSError):
+            digest.update(file.read_bytes())
+    name = re.sub(r"\W", "", function.__name__)
+    return folder / f"{name}-{digest.hexdigest()[:24]}"
+
+
+def kept(file: Path | None) -> MachineCode | None:
+    """Return the machine code in a file; None where there is none, or not all of it."""
+    with suppress(OSError):
+        return from_bytes(file.read_bytes()) if file else None
+    return None
+
+
+def keep(file: Path | None, code: MachineCode) -> None:
+    """Write machine code to a file, where that is possible."""
+    with suppress(SaveError):
+        if file:
+            with replacing(file) as out:
+                out.write(to_bytes(code))
 
 
 @lru_cache(maxsize=1)
 def cache_folder() -> Path | None:
     """Return the folder for machine code, or None where no such folder can be written."""
     chosen = os.environ.get("NUMBA_CACHE_DIR") or platformdirs.user_cache_dir("tsplat")
-    folder = Path(chosen) / f"kernels-{source_digest(Path(__file__).parent)}"
+    folder = Path(chosen) / f"kernels-{source_digest(PACKAGE)}"
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError:
@@ -65,8 +83,8 @@ def cache_folder() -> Path | None:
 
 
 def source_digest(package: Path) -> str:
-    """Return a name for all that decides the machine code besides Python and the processor, which Numba checks."""
-    digest = hashlib.sha256(f"{numba.__version__} {_config.BOUNDSCHECK} {_config.OPT}".encode())
+    """Return a name for all that decides the machine code besides the processor."""
+    digest = hashlib.sha256(" ".join(_compilers()).encode())
     for entry in sorted(package.iterdir()):
         if entry.name in NOT_COMPILED:
             continue
@@ -77,12 +95,14 @@ def source_digest(package: Path) -> str:
     return digest.hexdigest()[:16]
 
 
-@contextmanager
-def _numba_cache_dir(folder: Path) -> Iterator[None]:
-    # Numba asks for its cache folder once, when the cache is made; other users of Numba keep theirs.
-    before = _config.CACHE_DIR
-    _config.CACHE_DIR = str(folder)
-    try:
-        yield
-    finally:
-        _config.CACHE_DIR = before
+def _compilers() -> list[str]:
+    """Return what tells this Numba and LLVM from others: versions from the names of folders, and settings."""
+    found = {name: importlib.util.find_spec(name) for name in ("numba", "llvmlite")}
+    versions = [
+        folder.name
+        for name, spec in found.items()
+        if spec is not None and spec.origin is not None
+        for folder in sorted(Path(spec.origin).parents[1].glob(f"{name}-*"))
+    ]
+    settings = [f"{name}={value}" for name, value in sorted(os.environ.items()) if name.startswith("NUMBA_")]
+    return versions + [each for each in settings if not each.startswith("NUMBA_CACHE_DIR=")]

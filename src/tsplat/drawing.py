@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 def draw_all(scene: Gaussians | Stored, camera: Camera, options: RenderOptions) -> Rendering:
     """Draw every splat; see `tsplat.raster.rasterize`."""
-    # What is not needed is not imported: either brings in Numba, and levels of detail are most kernels there are.
+    # What is not needed is not imported: levels of detail are most kernels there are.
     if isinstance(scene, Gaussians):
         from tsplat.raster import rasterize
 

@@ -78,8 +78,7 @@ class Gaussians:
         _check_range("opacities", self.opacities, 0.0, 1.0)
 
     def __reduce__(self) -> tuple[type[Gaussians], tuple[F32 | bool, ...]]:
-        # NumPy unpickles read-only arrays as writable; rebuilding through the
-        # constructor keeps worker processes on the same compiled kernels.
+        # NumPy unpickles read-only arrays as writable; the constructor freezes them again.
         return Gaussians, (*self.arrays, self.antialiased)
 
     def __len__(self) -> int:
@@ -108,7 +107,7 @@ class Gaussians:
 
 
 def _own(array: npt.ArrayLike) -> F32:
-    # Numba compiles a kernel again for each new dtype, layout and read-only flag; here they become one.
+    # Kernels are compiled for each new dtype and layout; here they become one.
     owned = np.ascontiguousarray(array, np.float32)
     if owned.flags.writeable:
         owned = owned.view()

@@ -5,16 +5,13 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tsplat._jit import JIT, progress
 from tsplat.camera import Camera
 from tsplat.rendering import RenderOptions
 from tsplat.scene import Gaussians
-
-if TYPE_CHECKING:
-    from tsplat._jit import Progress
 
 SPLATS = 4
 SIDE = 32
@@ -32,21 +29,14 @@ class WarmUp:
 
     def __init__(self, job: Callable[[], None] | None = None) -> None:
         self._job = job or draw_tiny
-        self._progress: Callable[[], Progress | None] = lambda: None
         # A daemon, so that quitting does not wait for the compiler.
-        self._thread = threading.Thread(target=self._run, name="tsplat-warm-up", daemon=True)
+        self._thread = threading.Thread(target=self._job, name="tsplat-warm-up", daemon=True)
 
     def start(self) -> WarmUp:
         """Start, unless it was started before."""
         if self._thread.ident is None:
             self._thread.start()
         return self
-
-    def _run(self) -> None:
-        from tsplat._jit import progress  # brings in Numba, which the other threads should not wait for
-
-        self._progress = progress
-        self._job()
 
     def done(self, timeout: float) -> bool:
         """Wait for at most this many seconds; return whether the job is done."""
@@ -56,15 +46,15 @@ class WarmUp:
     @property
     def compiling(self) -> float:
         """Seconds since the first kernel began to be compiled; 0 where they are loaded."""
-        progress = self._progress()
-        return progress.seconds if progress else 0.0
+        so_far = progress()
+        return so_far.seconds if so_far else 0.0
 
     def notice(self) -> str:
         """Return what to tell the person who waits; nothing where no kernel is compiled."""
-        progress = self._progress()
-        if progress is None:
+        so_far = progress()
+        if so_far is None:
             return ""
-        done, total, seconds = progress
+        done, total, seconds = so_far
         return f"compiling kernels, first run only: {done} of {total}, {seconds:.0f} s"
 
 
@@ -73,7 +63,6 @@ def draw_tiny(options: RenderOptions | None = None) -> None:
 
     One thread, because a pool of them would have to end before the process can.
     """
-    from tsplat._jit import JIT
     from tsplat.raster import rasterize
 
     if not JIT:

@@ -13,7 +13,7 @@ from tsplat.lod import Cut, decimate, hierarchy
 from tsplat.lod.kd import kd_order
 from tsplat.lod.levels import coarser, finest
 from tsplat.lod.merge import merge
-from tsplat.lod.merge_scratch import new_scratch, take
+from tsplat.lod.merge_scratch import new_scratch, of_worker, take
 from tsplat.raster import rasterize, rasterize_blocks, reference
 from tsplat.raster.prepare import BLOCK
 from tsplat.rendering import RenderOptions
@@ -106,7 +106,7 @@ def test_odd_scenes_are_merged_as_well_as_can_be(name: str) -> None:
 
 
 def scratch_of(gaussians: Gaussians):  # type: ignore[no-untyped-def]
-    scratch = new_scratch(3 * gaussians.sh.shape[1])
+    scratch = of_worker(new_scratch(1, 3 * gaussians.sh.shape[1]), 0)
     level = finest(gaussians, np.arange(len(gaussians), dtype=np.int32), 1)
     _take(level, 0, len(gaussians), scratch)
     return scratch

@@ -124,11 +124,11 @@ def test_no_kernel_is_compiled_for_files(path: Path, scene: Gaussians) -> None:
     rasterize(scene, CAMERA, OPTIONS)
     rasterize_within(scene, CAMERA, OPTIONS, 600)
     kernels: tuple[Any, ...] = draw, _choose
-    before = [len(each.signatures) for each in kernels]
+    before = [len(each.codes) for each in kernels]
     fresh = open_stored(path)
     rasterize_all(fresh, CAMERA, OPTIONS)
     rasterize_within(fresh, CAMERA, OPTIONS, 600)
-    assert [len(each.signatures) for each in kernels] == before
+    assert [len(each.codes) for each in kernels] == before
 
 
 def test_looking_at_it_does_not_change_the_file(path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -14,7 +13,7 @@ from hypothesis import strategies as st
 
 from tests.raster.compare import front_camera
 from tests.scenes import random_gaussians
-from tsplat._jit import JIT, kernel
+from tsplat._jit import JIT, Kernel, kernel
 from tsplat.camera import Camera
 from tsplat.raster import record, reference
 from tsplat.raster.bin import bin_tiles
@@ -43,7 +42,7 @@ def _cells(records, at, left, top):  # type: ignore[no-untyped-def]
 
 
 def after(
-    stages: list[Callable[..., Any]],
+    stages: list[Kernel[..., Any]],
     gaussians: Gaussians,
     camera: Camera,
     options: RenderOptions,
@@ -53,7 +52,7 @@ def after(
     scene = prepared(gaussians, options.worker_count)
     frame = new_frame(scene, scene.blocks, camera, options, pairs)
     for stage in stages:
-        on_threads(options.worker_count, frame.team, stage, frame)
+        on_threads(options.worker_count, frame.team, stage.on(frame))
     return frame, np.concatenate([np.arange(n) + block * BLOCK for block, n in enumerate(frame.visible)])
 
 

@@ -258,7 +258,7 @@ def test_a_start_that_compiles_says_how_far_it_is(tmp_path: Path, monkeypatch: p
             super().write(screen)
             self.told.set()
 
-    monkeypatch.setattr("tsplat._jit.progress", lambda: Progress(4, 38, 5.2))
+    monkeypatch.setattr("tsplat.warmup.progress", lambda: Progress(4, 38, 5.2))
     terminal = Told()
     Viewer(terminal, Compiling(), a_state(), "tsplat-x", tmp_path).run()
     assert b" compiling kernels, first run only: 4 of 38, 5 s " in terminal.written[0]

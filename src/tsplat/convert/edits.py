@@ -75,7 +75,7 @@ def splats_left(amount: str, splats: int) -> int:
 
 
 def _decimated(gaussians: Gaussians, count: int, progress: Callable[[float], None]) -> Gaussians:
-    from tsplat.lod import decimate  # brings in Numba, which other edits do without
+    from tsplat.lod import decimate  # kernels, which other edits do without
 
     def compile_merging() -> None:
         decimate(gaussians.take(range(min(2, len(gaussians)))), 1, threads=1)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -60,7 +61,7 @@ def mean_gaps(means: F32, sizes: F32, count: int, progress: Callable[[float], No
     pool = ThreadPoolExecutor(available_processors())
     try:
         searches = [
-            pool.submit(_search, tree, sorted_sizes, first, min(first + CHUNK, leaves), count, found)
+            pool.submit(_search, tree, sorted_sizes, first, min(first + CHUNK, leaves), _room(count), found)
             for first in range(0, leaves, CHUNK)
         ]
         for done, search in enumerate(searches, 1):
@@ -73,12 +74,25 @@ def mean_gaps(means: F32, sizes: F32, count: int, progress: Callable[[float], No
     return gaps
 
 
+class _Room(NamedTuple):
+    """Memory of one search: the nearest so far and the boxes that wait, and their squared distances."""
+
+    nearest: F64
+    where: I64
+    waiting: I64
+    how_far: F64
+
+
+def _room(count: int) -> _Room:
+    return _Room(np.empty(count), np.empty(count, np.int64), np.empty(DEPTH, np.int64), np.empty(DEPTH))
+
+
 @kernel
-def _search(tree: Tree, sizes: F64, first: int, last: int, count: int, out: F64) -> None:
+def _search(tree: Tree, sizes: F64, first: int, last: int, room: _Room, out: F64) -> None:
     """Fill ``out`` for the points of the leaves from ``first`` to ``last``."""
     leaves = len(tree.starts) - 1
-    nearest, where = np.empty(count), np.empty(count, np.int64)
-    waiting, how_far = np.empty(DEPTH, np.int64), np.empty(DEPTH)
+    nearest, where, waiting, how_far = room.nearest, room.where, room.waiting, room.how_far
+    count = len(nearest)
     for leaf in range(first, last):
         for i in range(tree.starts[leaf], tree.starts[leaf + 1]):
             nearest[:] = np.inf

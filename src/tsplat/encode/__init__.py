@@ -62,9 +62,9 @@ def encoder(
 
         return ITerm2()
     if name == "sixel":
-        from tsplat.encode.sixel import Sixel  # Numba, half a second
+        from tsplat.encode.sixel import Sixel
 
         return Sixel(dither, sixel_size)
-    from tsplat.encode.cells import Cells  # Numba as well
+    from tsplat.encode.cells import Cells
 
     return Cells(name, colors)

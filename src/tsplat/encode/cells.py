@@ -133,8 +133,7 @@ class Cells:
 
     def _spread(self, picture: U8) -> U8:
         """Return what is drawn: the picture, or one in which neighbours share out what 16 colours lack."""
-        # Kernels are compiled again for arrays that cannot be written, such as those from Pillow.
-        picture = np.require(picture, requirements=["C", "W"])
+        picture = np.ascontiguousarray(picture)  # kernels are compiled again for others
         if self.colors != 16 or self._ramp is not None:
             return picture
         result = np.empty_like(picture)

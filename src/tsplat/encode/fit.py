@@ -35,6 +35,8 @@ class Search(NamedTuple):
         The pixel that each step changes.
     signs, gains, patterns : ndarray of float32, [S]
         1 where the step lights the pixel, else -1; what the squared sum of the lit pixels counts; the pattern.
+    values, found : ndarray of float32
+        Room for the pixels of eight cells, and for what is found for them.
     """
 
     first: int
@@ -43,6 +45,8 @@ class Search(NamedTuple):
     signs: F32
     gains: F32
     patterns: F32
+    values: F32
+    found: F32
 
 
 def search(shape: Shape) -> Search:
@@ -61,6 +65,8 @@ def search(shape: Shape) -> Search:
         signs.astype(np.float32),
         gains.astype(np.float32),
         patterns.astype(np.float32),
+        np.empty(3 * (count + 1) * LANES, np.float32),
+        np.empty(7 * LANES, np.float32),
     )
 
 
@@ -68,7 +74,7 @@ def search(shape: Shape) -> Search:
 def split(picture, across, down, search, glyphs, colors):
     """Find the best pattern of each cell and its colours, foreground and background, in 24 bits."""
     rows, columns = glyphs.shape
-    values, found = np.empty(3 * (across * down + 1) * LANES, np.float32), np.empty(7 * LANES, np.float32)
+    values, found = search.values, search.found
     for row in range(rows):
         for left in range(0, columns, LANES):
             cells = min(LANES, columns - left)

@@ -147,7 +147,7 @@ class Kitty:
         quality = next(quality for quality in _QUALITIES if self.fidelity >= quality.least_fidelity)
         if not quality.colors:
             return png(round_to_bits(frame, quality.bits))
-        from tsplat.encode.adaptive_palette import AdaptivePalette  # Numba, half a second
+        from tsplat.encode.adaptive_palette import AdaptivePalette
 
         palette = self._palettes.setdefault(quality.colors, AdaptivePalette(quality.colors))
         palette.fit(frame)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from tsplat._jit import kernel
+from tsplat._jit import kernel, part
 from tsplat.encode.adaptive_palette import AdaptivePalette
 from tsplat.encode.protocol import FALLBACK_CELL, U8, EncodedFrame
 from tsplat.encode.resample import check, resample
@@ -149,10 +149,36 @@ def _picture(indices: U8, registers: bytes) -> bytes:
 def _bands(indices: U8) -> bytes:
     height, width = indices.shape
     text = np.empty(-(-height // 6) * 6 * width * _BYTES_PER_RUN, np.uint8)
-    return text[: _encode(indices, text)].tobytes()
+    return text[: _encode(indices, _lists(width), text)].tobytes()
 
 
-@kernel
+class _Lists(NamedTuple):
+    """The columns that each colour of a band has, from left to right, as linked lists; -1 for none.
+
+    Attributes
+    ----------
+    first, last : ndarray of int32, [256]
+        Entries of each colour.
+    column, following, bits : ndarray, [6 * width]
+        Of each entry: where it is, the next entry, the pixels of the column that have the colour.
+    colors : ndarray of int32, [256]
+        Those that the band has.
+    """
+
+    first: I32
+    last: I32
+    column: I32
+    following: I32
+    bits: U8
+    colors: I32
+
+
+def _lists(width: int) -> _Lists:
+    none, room = np.full((3, 256), -1, np.int32), np.empty((2, 6 * width), np.int32)
+    return _Lists(none[0], none[1], room[0], room[1], np.empty(6 * width, np.uint8), none[2])
+
+
+@part
 def _put_number(text: U8, end: int, number: int) -> int:
     scale = 1
     while scale * 10 <= number:
@@ -164,7 +190,7 @@ def _put_number(text: U8, end: int, number: int) -> int:
     return end
 
 
-@kernel
+@part
 def _put_run(text: U8, end: int, length: int, bits: int) -> int:
     """Write ``length`` sixels of the same bits; from four on, a count is shorter."""
     if length > 3:
@@ -177,7 +203,7 @@ def _put_run(text: U8, end: int, length: int, bits: int) -> int:
     return end
 
 
-@kernel
+@part
 def _put_columns(text: U8, end: int, entry: int, column: I32, following: I32, bits: U8) -> int:
     """Write one colour's sixels from the list that begins at ``entry``, with gaps between them."""
     x = 0
@@ -193,13 +219,10 @@ def _put_columns(text: U8, end: int, entry: int, column: I32, following: I32, bi
 
 
 @kernel
-def _encode(indices: U8, text: U8) -> int:
+def _encode(indices: U8, lists: _Lists, text: U8) -> int:
     """Write all bands to ``text``; return how many bytes."""
     height, width = indices.shape
-    # The columns that each colour of a band has, from left to right, as linked lists.
-    first, last = np.full(256, -1, np.int32), np.full(256, -1, np.int32)
-    column, following = np.empty(6 * width, np.int32), np.empty(6 * width, np.int32)
-    bits, colors = np.empty(6 * width, np.uint8), np.empty(256, np.int32)
+    first, last, column, following, bits, colors = lists
     end = 0
     for top in range(0, height, 6):
         used = entries = 0

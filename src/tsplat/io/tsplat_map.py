@@ -48,8 +48,7 @@ class Mapped:
     header : Header
         What it says, which agrees with its size.
     arrays : dict of str to ndarray
-        Flat, by the names of their sections. They say that they may be written, for kernels are compiled for
-        arrays of which that is true; whoever does so ends the process.
+        Flat, by the names of their sections; read-only.
     memory : mmap
         What they lie in.
     """
@@ -104,8 +103,8 @@ def open_mapped(path: Path) -> Mapped:
     raw, arrays = np.frombuffer(memory, np.uint8), {}
     for name, (dtype, _) in header.counts.arrays.items():
         section = header.sections[name]
-        part = raw[section.offset : section.offset + section.nbytes].view(np.dtype(dtype).newbyteorder("="))
-        arrays[name] = np.asarray(_Writable(part))
+        part = raw[section.offset : section.offset + section.nbytes]
+        arrays[name] = part.view(np.dtype(dtype).newbyteorder("="))
     return Mapped(path, header, arrays, memory)
 
 
@@ -114,15 +113,3 @@ def _mapped(path: Path, file: BinaryIO, size: int) -> mmap.mmap:
         return mmap.mmap(file.fileno(), size, access=mmap.ACCESS_READ)
     except ValueError as error:  # it became shorter since it was opened
         raise CorruptFileError(path, f"no longer has {size} bytes; wait until it is written", size) from error
-
-
-class _Writable:
-    """Memory that says it may be written; it stays as long as an array of it does.
-
-    A mapping that really may be written would be counted as memory that could be needed, all of it.
-    """
-
-    def __init__(self, part: Array) -> None:
-        self.part = part
-        about = part.__array_interface__
-        self.__array_interface__ = {**about, "data": (about["data"][0], False)}

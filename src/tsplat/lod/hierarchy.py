@@ -94,8 +94,9 @@ def build(
     for number, first in enumerate(firsts[:-1]):
         team = new_team(1)
         children = firsts[number - 1] if number else -1
-        job = _PackJob(team, level, int(first), int(children), tree.scene.target(), tree.sizes, tree.errors, boxes)
-        on_threads(threads, team, _pack, job)
+        target, eights = tree.scene.target(), np.empty((threads, 8), np.float32)
+        job = _PackJob(team, eights, level, int(first), int(children), target, tree.sizes, tree.errors, boxes)
+        on_threads(threads, team, _pack.on(job))
         # Half of what is left to merge is merged on each level.
         progress(1.0 - (1.0 - ORDER_SHARE) * 0.5**number)
         if number < len(firsts) - 2:
@@ -113,9 +114,13 @@ def level_firsts(splats: int) -> I64:
 
 
 class _PackJob(NamedTuple):
-    """``first`` and ``children`` are the first block of this level and of the one before, which is -1 for none."""
+    """``first`` and ``children`` are the first block of this level and of the one before, which is -1 for none.
+
+    ``eights`` is room for as many numbers of each worker.
+    """
 
     team: I64
+    eights: F32
     level: Level
     first: int
     children: int
@@ -129,7 +134,7 @@ class _PackJob(NamedTuple):
 def _pack(worker, job):
     level, target = job.level, job.target
     n, padded = len(level.means), len(target.log2_opacities)
-    eight = np.empty(8, np.float32)
+    eight = job.eights[worker]
     while True:
         number = claim(job.team, FIRST_FREE)
         start = number * BLOCK

@@ -42,47 +42,54 @@ def kd_order(means: F32, threads: int) -> Order:
     """
     axes = np.ascontiguousarray(means.T)
     order = np.arange(len(means), dtype=np.int32)
-    ends = _cut_coarsely(axes, order, max(1, PARTS_A_THREAD * threads))
+    ranges = np.empty((threads, DEEPEST, 2), np.int64)
+    parts = max(1, PARTS_A_THREAD * threads)
+    ends = np.zeros(-(-len(means) // BLOCK) + 1, np.int64)
+    ends = ends[: _cut_coarsely(axes, order, parts, ranges[0], ends)]
     team = new_team(1)
-    on_threads(threads, team, _cut_parts, _Job(team, axes, order, ends))
+    on_threads(threads, team, _cut_parts.on(_Job(team, ranges, axes, order, ends)))
     return order
 
 
 class _Job(NamedTuple):
-    """What `_cut_parts` shares: ``ends`` are where the parts begin, and where the last one ends."""
+    """What `_cut_parts` shares: ``ends`` are where the parts begin, and where the last one ends.
+
+    ``ranges`` are those that each worker has still to cut.
+    """
 
     team: npt.NDArray[np.int64]
+    ranges: npt.NDArray[np.int64]
     axes: F32
     order: Order
     ends: npt.NDArray[np.int64]
 
 
 @kernel
-def _cut_coarsely(axes, order, parts):
-    """Cut all until there are about so many parts; return where they begin, and the end."""
+def _cut_coarsely(axes, order, parts, ranges, ends):
+    """Cut all until there are about so many parts; fill ``ends`` as far as the returned number."""
     n = len(order)
     wanted = max(BLOCK, n // parts)
-    ends = [0]
-    ranges = np.empty((DEEPEST, 2), np.int64)
+    count = 1
     ranges[0, 0], ranges[0, 1] = 0, n
     left = 1
     while left > 0:
         left -= 1
         low, high = ranges[left, 0], ranges[left, 1]
         if high - low <= wanted:
-            ends.append(high)
+            ends[count] = high
+            count += 1
             continue
         middle = _cut(axes, order, low, high)
         ranges[left, 0], ranges[left, 1] = middle, high
         ranges[left + 1, 0], ranges[left + 1, 1] = low, middle
         left += 2
-    return np.array(ends)
+    return count
 
 
 @kernel
 def _cut_parts(worker, job):
     """Cut each part down to blocks."""
-    ranges = np.empty((DEEPEST, 2), np.int64)
+    ranges = job.ranges[worker]
     while True:
         piece = claim(job.team, FIRST_FREE)
         if piece >= len(job.ends) - 1:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from tsplat._jit import kernel
 from tsplat._threads import FIRST_FREE, claim, new_team
 from tsplat.lod.merge import merge
-from tsplat.lod.merge_scratch import keep, new_scratch, take
+from tsplat.lod.merge_scratch import Scratch, keep, new_scratch, of_worker, take
 from tsplat.raster.prepare import BLOCK, covariance_of
 from tsplat.raster.workers import on_threads
 from tsplat.scene import Gaussians
@@ -48,7 +48,8 @@ def finest(gaussians: Gaussians, order: npt.NDArray[np.int32], threads: int) -> 
     n = len(gaussians)
     level = _empty(n, gaussians.sh.shape[1])
     team = new_team(1)
-    on_threads(threads, team, _gather, _GatherJob(team, order, *gaussians.arrays, level))
+    job = _GatherJob(team, order, *gaussians.arrays, level, level.covars.reshape(-1))
+    on_threads(threads, team, _gather.on(job))
     return level
 
 
@@ -64,7 +65,8 @@ def coarser(level: Level, threads: int, kept: int | None = None) -> Level:
     starts = -(-ends // 2) if kept is None else -(-ends * kept // n)
     merged = _empty(int(starts[-1]), level.sh.shape[1])
     team = new_team(1)
-    on_threads(threads, team, _merge_nodes, _MergeJob(team, level, starts, merged))
+    scratch = new_scratch(threads, 3 * level.sh.shape[1])
+    on_threads(threads, team, _merge_nodes.on(_MergeJob(team, scratch, level, starts, merged)))
     return merged
 
 
@@ -87,19 +89,19 @@ class _GatherJob(NamedTuple):
     opacities: F32
     sh: F32
     level: Level
+    flat_covars: F32
 
 
 @kernel
 def _gather(worker, job):
     n, level = len(job.order), job.level
-    flat = level.covars.reshape(-1)
     while True:
         start = claim(job.team, FIRST_FREE) * BLOCK
         if start >= n:
             return
         for at in range(start, min(start + BLOCK, n)):
             i = job.order[at]
-            covariance_of(job.quats, job.scales, i, flat, 6 * at, 1)
+            covariance_of(job.quats, job.scales, i, job.flat_covars, 6 * at, 1)
             level.opacities[at] = job.opacities[i]
             for axis in range(3):
                 level.means[at, axis] = job.means[i, axis]
@@ -112,6 +114,7 @@ class _MergeJob(NamedTuple):
     """``starts`` are where the splats of each node go in ``merged``, and the end."""
 
     team: I64
+    scratch: Scratch
     level: Level
     starts: I64
     merged: Level
@@ -119,7 +122,7 @@ class _MergeJob(NamedTuple):
 
 @kernel
 def _merge_nodes(worker, job):
-    scratch = new_scratch(3 * job.level.sh.shape[1])
+    scratch = of_worker(job.scratch, worker)
     while True:
         node = claim(job.team, FIRST_FREE)
         if node >= len(job.starts) - 1:

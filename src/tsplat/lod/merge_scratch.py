@@ -11,12 +11,13 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from tsplat._jit import kernel, part
+from tsplat._jit import part
 from tsplat._lanes import LANES
 from tsplat.raster.prepare import BLOCK
 from tsplat.scene import SH_C0
 
 F32 = npt.NDArray[np.float32]
+I32 = npt.NDArray[np.int32]
 
 ROOM = 2 * BLOCK
 """Splats that are merged among each other."""
@@ -78,9 +79,9 @@ class Scratch(NamedTuple):
     sh: F32
     alone: F32
     costs: F32
-    partners: npt.NDArray[np.int32]
-    births: npt.NDArray[np.int32]
-    partners_births: npt.NDArray[np.int32]
+    partners: I32
+    births: I32
+    partners_births: I32
     numbers: F32
     nearest: F32
     nearest_distances: F32
@@ -88,16 +89,31 @@ class Scratch(NamedTuple):
     frame: F32
 
 
-@kernel
-def new_scratch(values):
-    """Return memory for splats with so many harmonics, all channels counted."""
+def new_scratch(threads: int, values: int) -> Scratch:
+    """Return memory of some workers, side by side, for splats with so many harmonics, all channels counted."""
+
+    def floats(*shape: int) -> F32:
+        return np.empty((threads, *shape), np.float32)
+
+    def integers() -> I32:
+        return np.empty((threads, ROOM), np.int32)
+
     return Scratch(
-        np.empty(ROOM, np.float32), np.empty(ROOM, np.float32), np.empty(ROOM, np.float32),
-        np.empty((ROOM, 6), np.float32), np.empty(ROOM, np.float32), np.empty((ROOM, 3), np.float32),
-        np.empty((ROOM, values), np.float32), np.empty(ROOM, np.float32), np.empty(ROOM, np.float32),
-        np.empty(ROOM, np.int32), np.empty(ROOM, np.int32), np.empty(ROOM, np.int32),
-        np.arange(ROOM).astype(np.float32), np.empty(LANES, np.float32), np.empty(LANES, np.float32),
-        np.empty(15 * LANES, np.float32), np.empty(5, np.float32),
+        floats(ROOM), floats(ROOM), floats(ROOM), floats(ROOM, 6), floats(ROOM), floats(ROOM, 3),
+        floats(ROOM, values), floats(ROOM), floats(ROOM), integers(), integers(), integers(),
+        np.tile(np.arange(ROOM, dtype=np.float32), (threads, 1)), floats(LANES), floats(LANES),
+        floats(15 * LANES), floats(5),
+    )  # fmt: skip
+
+
+@part
+def of_worker(scratch, worker):
+    """Return what belongs to one worker."""
+    return Scratch(
+        scratch.x[worker], scratch.y[worker], scratch.z[worker], scratch.covars[worker], scratch.masses[worker],
+        scratch.colors[worker], scratch.sh[worker], scratch.alone[worker], scratch.costs[worker],
+        scratch.partners[worker], scratch.births[worker], scratch.partners_births[worker], scratch.numbers[worker],
+        scratch.nearest[worker], scratch.nearest_distances[worker], scratch.lanes[worker], scratch.frame[worker],
     )  # fmt: skip
 
 

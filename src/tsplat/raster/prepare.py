@@ -120,8 +120,8 @@ def prepared(gaussians: Gaussians, threads: int) -> Prepared:
 def _prepare(gaussians: Gaussians, threads: int) -> Prepared:
     scene = empty(-(-len(gaussians) // BLOCK), gaussians.sh.shape[1] - 1)
     team = new_team(1)
-    job = _Job(team, *gaussians.arrays, scene.target())
-    on_threads(threads, team, _prepare_blocks, job)
+    job = _Job(team, np.empty((threads, 8), np.float32), *gaussians.arrays, scene.target())
+    on_threads(threads, team, _prepare_blocks.on(job))
     return scene
 
 
@@ -141,9 +141,10 @@ def empty(blocks: int, coefficients: int) -> Prepared:
 
 
 class _Job(NamedTuple):
-    """What `_prepare_blocks` reads and fills."""
+    """What `_prepare_blocks` reads and fills; ``eights`` is room for as many numbers of each worker."""
 
     team: npt.NDArray[np.int64]
+    eights: F32
     means: F32
     quats: F32
     scales: F32
@@ -156,7 +157,7 @@ class _Job(NamedTuple):
 def _prepare_blocks(worker, job):
     n, target = len(job.means), job.target
     padded = len(target.log2_opacities)
-    eight = np.empty(8, np.float32)
+    eight = job.eights[worker]
     while True:
         start = claim(job.team, FIRST_FREE) * BLOCK
         if start >= padded:

@@ -27,12 +27,13 @@ BAND = 16
 
 
 class _Job(NamedTuple):
-    """What `_soften_bands` works on: the images as they are and as they become, row by row."""
+    """What `_soften_bands` works on: room for a row of each worker, the images as they are and as they become."""
 
     team: npt.NDArray[np.int64]
     width: int
     height: int
     kept: np.float32
+    rows: F32
     colors: F32
     alphas: F32
     soft_colors: F32
@@ -45,14 +46,15 @@ def soften(image: Image, variance: float, threads: int, team: npt.NDArray[np.int
         colors=buffers.image(image.height * image.width * 3), alphas=buffers.image(image.height * image.width)
     )
     kept = np.float32(1.0 - variance)
-    job = _Job(team, image.width, image.height, kept, image.colors, image.alphas, soft.colors, soft.alphas)
-    on_threads(threads, team, _soften_bands, job)
+    rows = buffers.array("soften_rows", threads * 3 * image.width, np.float32)
+    job = _Job(team, image.width, image.height, kept, rows, image.colors, image.alphas, soft.colors, soft.alphas)
+    on_threads(threads, team, _soften_bands.on(job))
     return soft
 
 
 @kernel
 def _soften_bands(worker, job):
-    row = np.empty(3 * job.width, np.float32)
+    row = job.rows[worker * 3 * job.width : (worker + 1) * 3 * job.width]
     while True:
         first = claim(job.team, FIRST_FREE) * BAND
         if first >= job.height:

@@ -19,23 +19,21 @@ import numpy.typing as npt
 
 from tsplat._threads import ABANDONED, ARRIVED, FIRST_FREE
 
-Job = TypeVar("Job")
 Result = TypeVar("Result")
 
 
 def on_threads(
     threads: int,
     team: npt.NDArray[np.int64],
-    function: Callable[[int, Job], Result],
-    job: Job,
+    work: Callable[[int], Result],
     *,
     meets: bool = False,
 ) -> Result:
-    """Call ``function(worker, job)`` for worker 0 to ``threads - 1``, wait for all, return what worker 0 returns.
+    """Call ``work(worker)`` for worker 0 to ``threads - 1``, wait for all, return what worker 0 returns.
 
-    Workers may wait for each other, so they all run at once; ``team`` is what they share. With ``meets``
-    they have met when worker 0 returns, and the threads of the others come home on their own, which
-    saves their waking this one.
+    ``work`` is a kernel and its job, see `tsplat._jit.Kernel.on`. Workers may wait for each other, so they all run
+    at once; ``team`` is what they share. With ``meets`` they have met when worker 0 returns, and the threads of
+    the others come home on their own, which saves their waking this one.
     """
     crew = _crew(threads)
     with crew.busy:  # two frames that each held half of the crew would wait for ever
@@ -45,8 +43,8 @@ def on_threads(
         team[FIRST_FREE:] = 0
         try:
             for worker in range(1, threads):
-                crew.out.append(crew.pool.submit(function, worker, job))
-            result = function(0, job)
+                crew.out.append(crew.pool.submit(work, worker))
+            result = work(0)
         except BaseException:
             team[ABANDONED] = 1
             crew.come_home()

@@ -1,0 +1,87 @@
+"""Machine code of kernels: bytes that can be kept, and functions that run it. Nothing here needs Numba.
+
+An object file, as compilers write it, is linked into this process by LLVM. Its entry takes the address of the
+arguments, as `tsplat._arguments` packs them, and of a place for the result; it returns 0 unless the kernel raised.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import threading
+import zlib
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import llvmlite.binding as llvm
+import numpy as np
+
+ENTRY = "tsplat_entry"
+
+RESULTS: dict[str, tuple[Any, Callable[[Any], Any]]] = {
+    "nothing": (ctypes.c_int64, lambda _: None),
+    "bool": (ctypes.c_int64, bool),
+    "int": (ctypes.c_int64, int),
+    "unsigned": (ctypes.c_uint64, np.uint64),
+    "float": (ctypes.c_double, float),
+}
+"""What a kernel may return: how it leaves it, and what Python gets."""
+
+_ENTRY_TYPE = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_char_p, ctypes.c_void_p)
+
+_engines: list[llvm.ExecutionEngine] = []
+"""What holds machine code: as long as the process lives, for a thread may be running it when all else ends."""
+
+_lock = threading.Lock()
+
+
+class MachineCode(NamedTuple):
+    """An object file, and which of `RESULTS` its entry leaves."""
+
+    result: str
+    object_file: bytes
+
+
+def to_bytes(code: MachineCode) -> bytes:
+    """Return machine code as bytes that say whether they are whole."""
+    body = code.result.encode() + b"\n" + code.object_file
+    return zlib.crc32(body).to_bytes(4, "little") + body
+
+
+def from_bytes(kept: bytes) -> MachineCode | None:
+    """Return what `to_bytes` made bytes of, or None where some are missing or others."""
+    checksum, body = kept[:4], kept[4:]
+    if zlib.crc32(body).to_bytes(4, "little") != checksum:
+        return None
+    result, _, object_file = body.partition(b"\n")
+    return MachineCode(result.decode(), object_file)
+
+
+def linked(code: MachineCode) -> Callable[[bytes], Any]:
+    """Return a function of packed arguments; it lets go of the interpreter lock while it runs."""
+    with _lock:  # LLVM's linker is not made for several threads
+        llvm.initialize_native_target()
+        llvm.initialize_native_asmprinter()
+        # What is linked is compiled already, so this knows nothing of the processor but its kind.
+        target = llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine()
+        # An engine for each: the names in two object files may be the same.
+        engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target)
+        _engines.append(engine)
+        engine.add_object_file(llvm.ObjectFileRef.from_data(code.object_file))
+        engine.finalize_object()
+        entry = _ENTRY_TYPE(engine.get_function_address(ENTRY))
+    place_type, result = RESULTS[code.result]
+
+    def run(arguments: bytes) -> Any:
+        place = place_type()
+        if entry(arguments, ctypes.byref(place)):
+            raise IndexError("a kernel looked beyond the end of an array")
+        return result(place.value)
+
+    return run
+
+
+@lru_cache(maxsize=1)
+def processor() -> str:
+    """Return what machine code for this processor is not good for others by."""
+    return f"{llvm.get_process_triple()} {llvm.get_host_cpu_name()} {llvm.get_host_cpu_features().flatten()}"
