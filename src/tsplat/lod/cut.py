@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from tsplat._jit import kernel, part
 from tsplat.camera import Camera
+from tsplat.lod.heap import block_of, drop_first, key_of, push
 from tsplat.lod.hierarchy import Hierarchy
 from tsplat.raster.frame import camera_numbers
 from tsplat.raster.prepare import BLOCK, BOUNDS
@@ -28,9 +29,6 @@ FULLY_SEEN = np.float32(2.0)
 
 KEPT_APART = 1.3
 """How much more a block counts that was taken apart in the last frame: nothing flickers between two levels."""
-
-
-LOW_WORD = np.uint64(0xFFFFFFFF)
 
 
 class Cut:
@@ -94,12 +92,11 @@ def _choose(job, chosen):
     count, waiting, spent = 0, 0, np.float32(0.0)
     root = job.firsts[-1] - 1
     if in_sight(root, job.numbers, job.bounds):
-        waiting = _push(job.queue, waiting, _key(root, job))
+        waiting = push(job.queue, waiting, _key(root, job))
         spent = share_in_sight(root, job.numbers, job.bounds)
     while waiting > 0:
-        key = job.queue[0]
-        waiting = _drop_first(job.queue, waiting)
-        block = np.int64(key & LOW_WORD)
+        block = block_of(job.queue[0])
+        waiting = drop_first(job.queue, waiting)
         child, last = _children(block, job.firsts)
         after = spent - share_in_sight(block, job.numbers, job.bounds)
         for other in range(child, last):
@@ -112,16 +109,13 @@ def _choose(job, chosen):
         job.apart[block], spent = 1, after
         for other in range(child, last):
             if in_sight(other, job.numbers, job.bounds):
-                waiting = _push(job.queue, waiting, _key(other, job))
+                waiting = push(job.queue, waiting, _key(other, job))
     return count
 
 
 @part
 def _key(block, job):
-    """Return what a picture loses by a block not taken apart, as the high bits of a number, and the block.
-
-    Losses are not negative, so their bits are in the same order as they are.
-    """
+    """Return what a picture loses by a block not taken apart, and the block, for the queue."""
     at = block * BOUNDS
     squared = np.float32(0.0)
     for axis in range(3):
@@ -132,7 +126,7 @@ def _key(block, job):
     seen = job.errors[block] * scale * scale * share**4
     if job.apart[block]:
         seen *= np.float32(KEPT_APART)
-    return np.uint64(np.float32(seen).view(np.uint32)) << np.uint64(32) | np.uint64(block)
+    return key_of(seen, block)
 
 
 @part
@@ -145,31 +139,3 @@ def _children(block, firsts):
         return block, block
     child = firsts[level - 1] + 2 * (block - firsts[level])
     return child, min(child + 2, firsts[level])
-
-
-@part
-def _push(queue, waiting, key):
-    """Add a key to a heap with the largest first; return how many wait then."""
-    at = waiting
-    while at > 0 and queue[(at - 1) >> 1] < key:
-        queue[at] = queue[(at - 1) >> 1]
-        at = (at - 1) >> 1
-    queue[at] = key
-    return waiting + 1
-
-
-@part
-def _drop_first(queue, waiting):
-    """Take the largest key out of a heap; return how many are left."""
-    left = waiting - 1
-    key, at = queue[left], 0
-    while 2 * at + 1 < left:
-        child = 2 * at + 1
-        if child + 1 < left and queue[child + 1] > queue[child]:
-            child += 1
-        if queue[child] <= key:
-            break
-        queue[at] = queue[child]
-        at = child
-    queue[at] = key
-    return left
