@@ -16,6 +16,7 @@ from tsplat._jit import kernel, part
 from tsplat.camera import Camera
 from tsplat.lod.heap import block_of, drop_first, key_of, push
 from tsplat.lod.hierarchy import Hierarchy
+from tsplat.lod.occlusion import CELLS, fill_light
 from tsplat.raster.frame import camera_numbers
 from tsplat.raster.prepare import BLOCK, BOUNDS
 from tsplat.raster.sight import in_sight, share_in_sight
@@ -29,6 +30,9 @@ FULLY_SEEN = np.float32(2.0)
 
 KEPT_APART = 1.3
 """How much more a block counts that was taken apart in the last frame: nothing flickers between two levels."""
+
+AS_IF_SEEN = 0.5
+"""Share of the budget that is spent as if no block hid another: large ones hardly tell what is before what."""
 
 
 class Cut:
@@ -46,6 +50,8 @@ class Cut:
         self._apart = np.zeros(blocks, np.uint8)
         self._queue = np.empty(blocks + 2, np.uint64)
         self._chosen = np.empty(blocks, np.int32)
+        self._light = np.empty(blocks, np.float32)
+        self._remaining = np.empty(CELLS * CELLS, np.float32)
 
     def blocks(self, camera: Camera, options: RenderOptions, budget: int) -> I32:
         """Return the blocks to draw, in order.
@@ -64,37 +70,62 @@ class Cut:
         focal = math.sqrt(float(camera.K[0, 0] * camera.K[1, 1]))
         numbers = camera_numbers(camera, options)
         job = _Job(
-            tree.firsts, tree.scene.bounds, tree.sizes, tree.errors, numbers, focal, most, self._apart, self._queue
-        )
+            tree.firsts, tree.scene.bounds, tree.sizes, tree.errors, tree.solidities, numbers, focal, most,
+            self._apart, self._queue, self._light, self._remaining,
+        )  # fmt: skip
         return np.sort(self._chosen[: _choose(job, self._chosen)])
 
 
 class _Job(NamedTuple):
-    """What `_choose` works on; ``apart`` marks the blocks that were taken apart when they were last in sight."""
+    """What `_choose` works on.
+
+    ``apart`` marks the blocks that were taken apart when they were last in sight. `fill_light` fills ``light`` and
+    ``remaining``; ``queue`` has room for every block.
+    """
 
     firsts: npt.NDArray[np.int64]
     bounds: F32
     sizes: F32
     errors: F32
+    solidities: F32
     numbers: F32
     focal: float
     most: int
     apart: npt.NDArray[np.uint8]
     queue: npt.NDArray[np.uint64]
+    light: F32
+    remaining: F32
 
 
 @kernel
 def _choose(job, chosen):
     """Fill ``chosen`` and return how many blocks it is; those that lose most are taken apart first.
 
+    First as if none hid another; then it is seen which do, for what is hidden loses little.
+    """
+    root = job.firsts[-1] - 1
+    if not in_sight(root, job.numbers, job.bounds):
+        return 0
+    job.light[root] = np.float32(1.0)
+    waiting = push(job.queue, 0, _key(root, job))
+    spent = share_in_sight(root, job.numbers, job.bounds)
+    count, waiting, spent = _spend(job, AS_IF_SEEN * job.most, chosen, 0, waiting, spent)
+    for i in range(waiting):
+        chosen[count + i] = block_of(job.queue[i])
+    fill_light(chosen, count + waiting, job)
+    for i in range(waiting):
+        push(job.queue, i, _key(np.int64(chosen[count + i]), job))
+    count, _, _ = _spend(job, np.inf, chosen, count, waiting, spent)
+    return count
+
+
+@part
+def _spend(job, until, chosen, count, waiting, spent):
+    """Take blocks apart until so many are spent or none waits; return how many are chosen, wait, and are spent.
+
     Of a block half out of sight, half counts.
     """
-    count, waiting, spent = 0, 0, np.float32(0.0)
-    root = job.firsts[-1] - 1
-    if in_sight(root, job.numbers, job.bounds):
-        waiting = push(job.queue, waiting, _key(root, job))
-        spent = share_in_sight(root, job.numbers, job.bounds)
-    while waiting > 0:
+    while waiting > 0 and spent < until:
         block = block_of(job.queue[0])
         waiting = drop_first(job.queue, waiting)
         child, last = _children(block, job.firsts)
@@ -108,9 +139,10 @@ def _choose(job, chosen):
             continue
         job.apart[block], spent = 1, after
         for other in range(child, last):
+            job.light[other] = job.light[block]
             if in_sight(other, job.numbers, job.bounds):
                 waiting = push(job.queue, waiting, _key(other, job))
-    return count
+    return count, waiting, spent
 
 
 @part
@@ -123,7 +155,7 @@ def _key(block, job):
     distance = max(math.sqrt(squared) - job.bounds[at + 3], job.numbers[22])
     scale = np.float32(job.focal) / distance
     share = min(np.float32(1.0), scale * job.sizes[block] / FULLY_SEEN)
-    seen = job.errors[block] * scale * scale * share**4
+    seen = job.light[block] * job.errors[block] * scale * scale * share**4
     if job.apart[block]:
         seen *= np.float32(KEPT_APART)
     return key_of(seen, block)
