@@ -1,4 +1,4 @@
-"""Merging as the formulas have it, in plain float64: slow and obvious."""
+"""Merging and hiding as the formulas have them, in plain float64: slow and obvious."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from tsplat.camera import Camera
 from tsplat.scene import SH_C0
 
 F64 = npt.NDArray[np.float64]
@@ -52,3 +53,28 @@ def cost(first: dict[str, Any], second: dict[str, Any]) -> float:
     )
     apart = SH_C0 * (first["color"] - second["color"])
     return float(difference + 0.5 * apart @ apart * masses.prod() * overlap(2 * covar + np.eye(3), np.zeros(3)))
+
+
+def light(balls: F64, solidities: F64, camera: Camera, cells: int) -> F64:
+    """Return what `tsplat.lod.occlusion.fill_light` does, for blocks with these middles and radii."""
+    middles = balls[:, :3] @ camera.viewmat[:3, :3].T.astype(np.float64) + camera.viewmat[:3, 3]
+    half_sides = balls[:, 3] / math.sqrt(3.0)
+    scale = np.array([camera.K[0, 0], camera.K[1, 1]]) * cells / (camera.width, camera.height)
+    shift = camera.K[:2, 2] * cells / (camera.width, camera.height)
+    found, left = np.ones(len(balls)), np.ones((cells, cells))
+    for i in np.argsort(middles[:, 2]):
+        x, y, z = middles[i]
+        if z <= half_sides[i]:
+            continue
+        ends = shift + scale * (np.array([[x, y]]) + half_sides[i] * np.array([[-1], [1]])) / z
+        columns, rows = (_covered(start, end, cells) for start, end in ends.T)
+        covered = np.outer(rows, columns)
+        if covered.sum() > 0.0:
+            found[i] = (covered * left**2).sum() / covered.sum()
+        left *= 1.0 - covered * solidities[i]
+    return found
+
+
+def _covered(start: float, end: float, cells: int) -> F64:
+    """Return how much of each cell of a row lies between two places."""
+    return np.array([max(0.0, min(end, cell + 1) - max(start, cell)) for cell in range(cells)])

@@ -115,6 +115,7 @@ def test_the_levels_are_those_that_are_built(on_disk: Stored, scene: Gaussians) 
     built = hierarchy(scene, 2)
     np.testing.assert_array_equal(on_disk.tree.firsts, built.firsts)
     np.testing.assert_array_equal(on_disk.tree.errors, built.errors)
+    np.testing.assert_array_equal(on_disk.tree.solidities, built.solidities)
     np.testing.assert_array_equal(on_disk.tree.scene.covars, built.scene.covars)
     assert len(on_disk) == N
     assert (on_disk.sh_degree, on_disk.antialiased) == (2, True)
@@ -208,7 +209,9 @@ def test_blocks_that_form_no_tree_are_refused(tmp_path: Path, path: Path) -> Non
         open_stored(tmp_path / "x.tsplat")
 
 
-GARBAGE = ("bounds", "sizes", "errors", "means", "covars", "log2_opacities", "base_colors", "sh_rest")
+GARBAGE = (
+    "bounds", "sizes", "errors", "solidities", "means", "covars", "log2_opacities", "base_colors", "sh_rest",
+)  # fmt: skip
 
 
 def drawn_in_every_way(path: Path) -> None:

@@ -21,7 +21,7 @@ from tsplat.scene import SH_COEFFICIENTS
 MAGIC = b"TSPLAT\r\n"
 """Its last two bytes are what a transfer as text would change."""
 
-VERSION = 1
+VERSION = 2
 HEADER = struct.Struct("<8sIIQQIIII12xI")
 SECTION = struct.Struct("<16sQQI4x")
 
@@ -83,6 +83,7 @@ class Counts:
             "bounds": (f4, 5 * self.blocks),
             "sizes": (f4, self.blocks),
             "errors": (f4, self.blocks),
+            "solidities": (f4, self.blocks),
             "means": (f4, 3 * self.padded),
             "covars": (f4, 6 * self.padded),
             "log2_opacities": (f4, self.padded),

@@ -14,7 +14,9 @@ import numpy.typing as npt
 
 from tsplat._jit import kernel, part
 from tsplat.camera import Camera
+from tsplat.lod.heap import block_of, drop_first, key_of, push
 from tsplat.lod.hierarchy import Hierarchy
+from tsplat.lod.occlusion import CELLS, fill_light
 from tsplat.raster.frame import camera_numbers
 from tsplat.raster.prepare import BLOCK, BOUNDS
 from tsplat.raster.sight import in_sight, share_in_sight
@@ -29,8 +31,8 @@ FULLY_SEEN = np.float32(2.0)
 KEPT_APART = 1.3
 """How much more a block counts that was taken apart in the last frame: nothing flickers between two levels."""
 
-
-LOW_WORD = np.uint64(0xFFFFFFFF)
+AS_IF_SEEN = 0.5
+"""Share of the budget that is spent as if no block hid another: large ones hardly tell what is before what."""
 
 
 class Cut:
@@ -48,6 +50,8 @@ class Cut:
         self._apart = np.zeros(blocks, np.uint8)
         self._queue = np.empty(blocks + 2, np.uint64)
         self._chosen = np.empty(blocks, np.int32)
+        self._light = np.empty(blocks, np.float32)
+        self._remaining = np.empty(CELLS * CELLS, np.float32)
 
     def blocks(self, camera: Camera, options: RenderOptions, budget: int) -> I32:
         """Return the blocks to draw, in order.
@@ -66,40 +70,64 @@ class Cut:
         focal = math.sqrt(float(camera.K[0, 0] * camera.K[1, 1]))
         numbers = camera_numbers(camera, options)
         job = _Job(
-            tree.firsts, tree.scene.bounds, tree.sizes, tree.errors, numbers, focal, most, self._apart, self._queue
-        )
+            tree.firsts, tree.scene.bounds, tree.sizes, tree.errors, tree.solidities, numbers, focal, most,
+            self._apart, self._queue, self._light, self._remaining,
+        )  # fmt: skip
         return np.sort(self._chosen[: _choose(job, self._chosen)])
 
 
 class _Job(NamedTuple):
-    """What `_choose` works on; ``apart`` marks the blocks that were taken apart when they were last in sight."""
+    """What `_choose` works on.
+
+    ``apart`` marks the blocks that were taken apart when they were last in sight. `fill_light` fills ``light`` and
+    ``remaining``; ``queue`` has room for every block.
+    """
 
     firsts: npt.NDArray[np.int64]
     bounds: F32
     sizes: F32
     errors: F32
+    solidities: F32
     numbers: F32
     focal: float
     most: int
     apart: npt.NDArray[np.uint8]
     queue: npt.NDArray[np.uint64]
+    light: F32
+    remaining: F32
 
 
 @kernel
 def _choose(job, chosen):
     """Fill ``chosen`` and return how many blocks it is; those that lose most are taken apart first.
 
+    First as if none hid another; then it is seen which do, for what is hidden loses little.
+    """
+    root = job.firsts[-1] - 1
+    if not in_sight(root, job.numbers, job.bounds):
+        return 0
+    job.light[root] = np.float32(1.0)
+    waiting = push(job.queue, 0, _key(root, job))
+    spent = share_in_sight(root, job.numbers, job.bounds)
+    count, waiting, spent = _spend(job, AS_IF_SEEN * job.most, chosen, 0, waiting, spent)
+    for i in range(waiting):
+        chosen[count + i] = block_of(job.queue[i])
+    fill_light(chosen, count + waiting, job)
+    for i in range(waiting):
+        push(job.queue, i, _key(np.int64(chosen[count + i]), job))
+    count, _, _ = _spend(job, np.inf, chosen, count, waiting, spent)
+    return count
+
+
+@part
+def _spend(job, until, chosen, count, waiting, spent):
+    """Take blocks apart until so many are spent or none waits; return how many are chosen, wait, and are spent.
+
     Of a block half out of sight, half counts.
     """
-    count, waiting, spent = 0, 0, np.float32(0.0)
-    root = job.firsts[-1] - 1
-    if in_sight(root, job.numbers, job.bounds):
-        waiting = _push(job.queue, waiting, _key(root, job))
-        spent = share_in_sight(root, job.numbers, job.bounds)
-    while waiting > 0:
-        key = job.queue[0]
-        waiting = _drop_first(job.queue, waiting)
-        block = np.int64(key & LOW_WORD)
+    while waiting > 0 and spent < until:
+        block = block_of(job.queue[0])
+        waiting = drop_first(job.queue, waiting)
         child, last = _children(block, job.firsts)
         after = spent - share_in_sight(block, job.numbers, job.bounds)
         for other in range(child, last):
@@ -111,17 +139,15 @@ def _choose(job, chosen):
             continue
         job.apart[block], spent = 1, after
         for other in range(child, last):
+            job.light[other] = job.light[block]
             if in_sight(other, job.numbers, job.bounds):
-                waiting = _push(job.queue, waiting, _key(other, job))
-    return count
+                waiting = push(job.queue, waiting, _key(other, job))
+    return count, waiting, spent
 
 
 @part
 def _key(block, job):
-    """Return what a picture loses by a block not taken apart, as the high bits of a number, and the block.
-
-    Losses are not negative, so their bits are in the same order as they are.
-    """
+    """Return what a picture loses by a block not taken apart, and the block, for the queue."""
     at = block * BOUNDS
     squared = np.float32(0.0)
     for axis in range(3):
@@ -129,10 +155,10 @@ def _key(block, job):
     distance = max(math.sqrt(squared) - job.bounds[at + 3], job.numbers[22])
     scale = np.float32(job.focal) / distance
     share = min(np.float32(1.0), scale * job.sizes[block] / FULLY_SEEN)
-    seen = job.errors[block] * scale * scale * share**4
+    seen = job.light[block] * job.errors[block] * scale * scale * share**4
     if job.apart[block]:
         seen *= np.float32(KEPT_APART)
-    return np.uint64(np.float32(seen).view(np.uint32)) << np.uint64(32) | np.uint64(block)
+    return key_of(seen, block)
 
 
 @part
@@ -145,31 +171,3 @@ def _children(block, firsts):
         return block, block
     child = firsts[level - 1] + 2 * (block - firsts[level])
     return child, min(child + 2, firsts[level])
-
-
-@part
-def _push(queue, waiting, key):
-    """Add a key to a heap with the largest first; return how many wait then."""
-    at = waiting
-    while at > 0 and queue[(at - 1) >> 1] < key:
-        queue[at] = queue[(at - 1) >> 1]
-        at = (at - 1) >> 1
-    queue[at] = key
-    return waiting + 1
-
-
-@part
-def _drop_first(queue, waiting):
-    """Take the largest key out of a heap; return how many are left."""
-    left = waiting - 1
-    key, at = queue[left], 0
-    while 2 * at + 1 < left:
-        child = 2 * at + 1
-        if child + 1 < left and queue[child + 1] > queue[child]:
-            child += 1
-        if queue[child] <= key:
-            break
-        queue[at] = queue[child]
-        at = child
-    queue[at] = key
-    return left

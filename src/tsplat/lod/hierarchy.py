@@ -17,6 +17,7 @@ from tsplat._threads import FIRST_FREE, claim, new_team
 from tsplat.lod.kd import Order, kd_order
 from tsplat.lod.levels import Level, coarser, finest
 from tsplat.lod.merge_scratch import area
+from tsplat.lod.occlusion import solidity_of
 from tsplat.raster.prepare import BLOCK, BOUNDS, Prepared, Target, empty, pack_block
 from tsplat.raster.workers import on_threads
 from tsplat.scene import Gaussians
@@ -42,12 +43,15 @@ class Hierarchy:
         Typical size of a block's splats: the root of the area of one, in world units.
     errors : ndarray of float32, [blocks]
         What a picture loses by a block in place of those it stands for: squared opacity times square world units.
+    solidities : ndarray of float32, [blocks]
+        How much light a block takes away from what is behind it, 0 to 1, see `tsplat.lod.occlusion`.
     """
 
     scene: Prepared
     firsts: I64
     sizes: F32
     errors: F32
+    solidities: F32
 
 
 _hierarchies: WeakKeyDictionary[Gaussians, Hierarchy] = WeakKeyDictionary()
@@ -87,15 +91,18 @@ def build(
     """Build the hierarchy of a scene, see `hierarchy`; ``order`` is its `kd_order` where that is known."""
     firsts = level_firsts(len(gaussians))
     blocks = int(firsts[-1])
-    tree = Hierarchy(empty(blocks, gaussians.sh.shape[1] - 1), firsts, *np.empty((2, blocks), np.float32))
+    tree = Hierarchy(empty(blocks, gaussians.sh.shape[1] - 1), firsts, *np.empty((3, blocks), np.float32))
     boxes = np.empty((blocks, 6), np.float32)
     order = kd_order(gaussians.means, threads) if order is None else order
     level = finest(gaussians, order, threads)
     for number, first in enumerate(firsts[:-1]):
         team = new_team(1)
         children = firsts[number - 1] if number else -1
-        target, eights = tree.scene.target(), np.empty((threads, 8), np.float32)
-        job = _PackJob(team, eights, level, int(first), int(children), target, tree.sizes, tree.errors, boxes)
+        eights = np.empty((threads, 8), np.float32)
+        job = _PackJob(
+            team, eights, level, int(first), int(children), tree.scene.target(), tree.sizes, tree.errors,
+            tree.solidities, boxes,
+        )  # fmt: skip
         on_threads(threads, team, _pack.on(job))
         # Half of what is left to merge is merged on each level.
         progress(1.0 - (1.0 - ORDER_SHARE) * 0.5**number)
@@ -127,6 +134,7 @@ class _PackJob(NamedTuple):
     target: Target
     sizes: F32
     errors: F32
+    solidities: F32
     boxes: F32
 
 
@@ -149,22 +157,24 @@ def _pack(worker, job):
             widest = max(widest, level.covars[i, 0] + level.covars[i, 3] + level.covars[i, 5])
         pack_block(block, level.means, level.opacities, level.sh, start, end, math.sqrt(widest), eight, target)
         job.errors[block] = level.errors[number]
-        job.sizes[block] = _typical_size(level, start, end)
+        mass, job.sizes[block] = _mass_and_size(level, start, end)
         _fill_box(level.means, start, end, job.boxes[block])
         if job.children >= 0:
             child = job.children + 2 * number
             last = min(child + 2, job.first)
             _widen(child, last, job.boxes, block, target.bounds)
+        job.solidities[block] = solidity_of(mass, target.bounds[block * BOUNDS + 3])
 
 
 @part
-def _typical_size(level, start, end):
+def _mass_and_size(level, start, end):
+    """Return all opacity times area of some splats, and the typical size of one."""
     whole, weighted = np.float32(0.0), np.float32(0.0)
     for i in range(start, end):
         size = area(level.covars, i)
         whole += level.opacities[i] * size
         weighted += level.opacities[i] * size * size
-    return math.sqrt(weighted / max(whole, np.float32(1e-30)))
+    return whole, math.sqrt(weighted / max(whole, np.float32(1e-30)))
 
 
 @part

@@ -116,7 +116,7 @@ def tree_of(mapped: Mapped) -> Hierarchy:
         bounds=arrays["bounds"],
         blocks=np.arange(counts.blocks, dtype=np.int32),
     )
-    return Hierarchy(scene, firsts, arrays["sizes"], arrays["errors"])
+    return Hierarchy(scene, firsts, arrays["sizes"], arrays["errors"], arrays["solidities"])
 
 
 def store(file: BinaryIO, gaussians: Gaussians, threads: int, progress: Callable[[float], None]) -> None:
@@ -161,6 +161,7 @@ def write_tree(file: BinaryIO, gaussians: Gaussians, tree: Hierarchy, order: Ord
         "bounds": [scene.bounds],
         "sizes": [tree.sizes],
         "errors": [tree.errors],
+        "solidities": [tree.solidities],
         "means": [scene.means],
         "covars": [scene.covars],
         "log2_opacities": [scene.log2_opacities],

@@ -21,7 +21,7 @@ def in_sight(block, numbers, bounds):
     """
     right, left, below, above, reach_x, reach_y = numbers[31:37]
     near, far = numbers[22], numbers[23]
-    x, y, z, radius, scale = _seen_from_the_eye(block, numbers, bounds)
+    x, y, z, radius, scale = seen_from_the_eye(block, numbers, bounds)
     reach_x, reach_y = reach_x * scale, reach_y * scale
     return (
         z + radius > near
@@ -37,7 +37,7 @@ def in_sight(block, numbers, bounds):
 def share_in_sight(block, numbers, bounds):
     """Return about what share of a block's splats is in the image, as if they filled their bounds evenly."""
     right, left, below, above, _, _ = numbers[31:37]
-    x, y, z, radius, _ = _seen_from_the_eye(block, numbers, bounds)
+    x, y, z, radius, _ = seen_from_the_eye(block, numbers, bounds)
     return (
         _share_before(_beyond(x, z, right) / _length(right), radius)
         * _share_before(_beyond(-x, z, left) / _length(left), radius)
@@ -55,7 +55,7 @@ def _share_before(beyond, radius):
 
 
 @part
-def _seen_from_the_eye(block, numbers, bounds):
+def seen_from_the_eye(block, numbers, bounds):
     """Return a block's middle in the camera's axes, how far its centres are from it, and its largest scale."""
     r00, r01, r02, tx, r10, r11, r12, ty, r20, r21, r22, tz = numbers[:12]
     at = block * BOUNDS
