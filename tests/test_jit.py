@@ -79,6 +79,17 @@ def test_code_that_is_not_whole_is_compiled_again(tmp_path: Path) -> None:
     assert run(tmp_path, CALL + COUNT) == "True 12 abab\nNone False"
 
 
+def test_code_of_versions_that_were_long_not_used_goes_when_a_new_one_comes(tmp_path: Path) -> None:
+    old, recent = (tmp_path / "cache" / f"kernels-{name}" for name in ("old", "recent"))
+    for folder in (old, recent):
+        folder.mkdir(parents=True)
+        (folder / "draw-1").touch()
+    os.utime(old, (0, 0))
+    run(tmp_path, CALL)
+    assert not old.exists()
+    assert (recent / "draw-1").exists()
+
+
 def test_a_part_that_is_edited_outside_of_the_package_is_compiled_again(tmp_path: Path) -> None:
     run(tmp_path, CALL)
     module = tmp_path / "kernels_of_test.py"

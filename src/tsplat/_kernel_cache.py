@@ -11,6 +11,8 @@ import importlib.util
 import marshal
 import os
 import re
+import shutil
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from functools import lru_cache
@@ -28,6 +30,9 @@ NOT_COMPILED = frozenset(
     | {"arguments.py", "cli.py", "drawing.py", "export.py", "kept.py", "options.py", "progress.py"}
 )
 """What no kernel can see, because the layers forbid it: editing these compiles nothing again."""
+
+KEPT_SECONDS = 30 * 24 * 3600.0
+"""How long the machine code of another version stays; it is compiled again if that comes back."""
 
 PACKAGE = Path(__file__).parent
 
@@ -76,10 +81,19 @@ def cache_folder() -> Path | None:
     chosen = os.environ.get("NUMBA_CACHE_DIR") or platformdirs.user_cache_dir("tsplat")
     folder = Path(chosen) / f"kernels-{source_digest(PACKAGE)}"
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        if not folder.is_dir():
+            folder.mkdir(parents=True, exist_ok=True)
+            _remove_old(folder.parent)
     except OSError:
         return None
     return folder if os.access(folder, os.W_OK) else None
+
+
+def _remove_old(parent: Path) -> None:
+    """Remove the folders of versions for which nothing was compiled in a long time."""
+    for folder in parent.glob("kernels-*"):
+        if time.time() - folder.stat().st_mtime > KEPT_SECONDS:
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def source_digest(package: Path) -> str:
