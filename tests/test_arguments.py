@@ -27,7 +27,7 @@ def _total(job):  # type: ignore[no-untyped-def]
     total = 0.0
     for row in range(job.values.shape[0]):
         for column in range(job.values.shape[1]):
-            total += (10 * row + column) * job.values[row, column]
+            total += (10.0 * row + column) * job.values[row, column]
     return job.weight * total + job.whole + (100.0 if job.pair[0] else 0.0) + job.pair[1]
 
 

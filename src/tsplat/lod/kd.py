@@ -44,7 +44,7 @@ def kd_order(means: F32, threads: int) -> Order:
     order = np.arange(len(means), dtype=np.int32)
     ranges = np.empty((threads, DEEPEST, 2), np.int64)
     parts = max(1, PARTS_A_THREAD * threads)
-    ends = np.zeros(-(-len(means) // BLOCK) + 1, np.int64)
+    ends = np.zeros(max(1, -(-len(means) // BLOCK)) + 1, np.int64)
     ends = ends[: _cut_coarsely(axes, order, parts, ranges[0], ends)]
     team = new_team(1)
     on_threads(threads, team, _cut_parts.on(_Job(team, ranges, axes, order, ends)))
