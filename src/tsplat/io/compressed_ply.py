@@ -33,8 +33,8 @@ Records = npt.NDArray[np.void]
 CHUNK = 256
 """Splats that share bounds; the last chunk of a file may hold fewer."""
 
-BLOCK = 16 * CHUNK
-"""Rows decoded at once; as many as `tsplat.io.arrays.CHUNK`, but whole chunks in any case."""
+BLOCK = 32 * CHUNK
+"""Rows decoded at once: more of them pay on a busy machine, where threads wait for each other at every one."""
 
 SH_RANGE = 4.0
 """Higher coefficients are kept from minus to plus this."""

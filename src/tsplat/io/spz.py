@@ -39,7 +39,7 @@ UNPACKED = 0.9
 """How much of the work is done when everything is unpacked."""
 
 ROWS = 2 * CHUNK
-"""Splats unpacked and decoded at once: threads take turns at unpacking, which costs some microseconds a turn."""
+"""Splats unpacked and decoded at once: threads take turns at unpacking, and wait for each other at every one."""
 
 
 def matches(head: bytes) -> bool:
