@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 # Real scenes take minutes; the compiled run is enough for them.
-KERNEL_TESTS := tests/raster tests/test_lanes.py --ignore tests/raster/test_real_scenes.py
+KERNEL_TESTS := tests/decode tests/raster tests/test_lanes.py --ignore tests/raster/test_real_scenes.py
 
 .PHONY: demo test check install-dev clean
 

@@ -134,7 +134,7 @@ def test_an_edit_that_no_kernel_can_see_compiles_nothing_again(package: Path, na
 
 
 def test_no_kernel_sees_what_the_digest_leaves_out(tmp_path: Path) -> None:
-    code = "import sys, tsplat.raster, tsplat.encode.sixel; print(*sys.modules)"
+    code = "import sys, tsplat.raster, tsplat.decode.kernels, tsplat.encode.sixel; print(*sys.modules)"
     seen = {name.split(".")[1] for name in run(tmp_path, code).split() if name.startswith("tsplat.")}
     assert "raster" in seen
     assert not seen & {name.removesuffix(".py") for name in cache.NOT_COMPILED}

@@ -93,6 +93,22 @@ def test_nan_and_inf_are_refused_wherever_they_are(name: str, value: float) -> N
         Gaussians(**given)
 
 
+def test_what_is_known_to_be_finite_is_checked_for_all_else() -> None:
+    given = arrays()
+    scene = Gaussians.of_finite(**given, antialiased=True)
+    for name, array in given.items():
+        assert np.shares_memory(getattr(scene, name), array)
+        assert not getattr(scene, name).flags.writeable
+    assert scene.antialiased
+    for name, value in {
+        "scales": -np.ones((4, 3)),
+        "opacities": np.full(4, 2.0),
+        "quats": np.ones((4, 3)),
+    }.items():
+        with pytest.raises(SceneError, match=f"{name} must"):
+            Gaussians.of_finite(**{**given, name: value}, antialiased=False)
+
+
 def test_the_largest_finite_numbers_are_finite() -> None:
     given = arrays()
     given["means"][...] = np.finfo(np.float32).max

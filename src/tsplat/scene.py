@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
@@ -62,6 +63,23 @@ class Gaussians:
     antialiased: bool = False
 
     def __post_init__(self) -> None:
+        self._own_shaped()
+        for name in ARRAYS:
+            _check_finite(name, getattr(self, name))
+        self._check_ranges()
+
+    @classmethod
+    def of_finite(cls, means: F32, quats: F32, scales: F32, opacities: F32, sh: F32, antialiased: bool) -> Self:
+        """Return a scene of arrays in which nan and inf were looked for already; the rest is checked."""
+        scene = object.__new__(cls)
+        values = means, quats, scales, opacities, sh, antialiased
+        for name, value in zip((*ARRAYS, "antialiased"), values, strict=True):
+            object.__setattr__(scene, name, value)
+        scene._own_shaped()
+        scene._check_ranges()
+        return scene
+
+    def _own_shaped(self) -> None:
         for name in ARRAYS:
             object.__setattr__(self, name, _own(getattr(self, name)))
         n = len(self.means) if self.means.ndim else 0
@@ -72,8 +90,8 @@ class Gaussians:
         if self.sh.ndim != 3 or self.sh.shape[1] not in SH_COEFFICIENTS:
             raise SceneError(f"sh must have shape [{n}, K, 3], K in {SH_COEFFICIENTS}, got {list(self.sh.shape)}")
         _check_shape("sh", self.sh, (n, self.sh.shape[1], 3))
-        for name in ARRAYS:
-            _check_finite(name, getattr(self, name))
+
+    def _check_ranges(self) -> None:
         _check_range("scales", self.scales, 0.0, math.inf)
         _check_range("opacities", self.opacities, 0.0, 1.0)
 

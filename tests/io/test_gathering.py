@@ -178,6 +178,7 @@ def test_a_reader_holds_a_scene_once(
     monkeypatch.setattr("tsplat.io.arrays.CHUNK", 512)
     monkeypatch.setattr("tsplat.io.ply_rows.CHUNK_BYTES", 1 << 16)
     monkeypatch.setattr("tsplat.io.compressed_ply.BLOCK", 512)
+    monkeypatch.setattr("tsplat.io.spz.ROWS", 512)
     path = made(tmp_path, suffix)
     whole = io.load(path)  # imports what it needs
     _, most = peak(lambda: io.load(path, max_splats=limit))

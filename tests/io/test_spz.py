@@ -79,6 +79,14 @@ def check_splats(gaussians: Gaussians, splats: list[Splat], version: int) -> Non
 
 
 @pytest.mark.parametrize("version", VERSIONS)
+def test_components_that_are_too_long_make_a_unit_quat_all_the_same(tmp_path: Path, version: int) -> None:
+    splats = [Splat(quat=(255, 0, 255) if version < 3 else (2, 511, -511, 511))]
+    gaussians = load_bytes(tmp_path, packed_file(splats, version, 0), spz_frame="rdf")
+    check_splats(gaussians, splats, version)
+    assert np.linalg.norm(gaussians.quats) == pytest.approx(1.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("degree", range(5))
 def test_every_version_means_what_the_slow_reader_says(tmp_path: Path, version: int, degree: int) -> None:
     splats = some_splats(version, degree, 40)

@@ -10,18 +10,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from itertools import repeat
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 import numpy.typing as npt
 
+from tsplat.decode import Decoders, decoders, read_only
 from tsplat.errors import CorruptFileError, LoadError
 from tsplat.io.arrays import F32, Arrays, chunks
+from tsplat.io.finish import Mask, mark_finite
 from tsplat.io.ply_columns import REST_COUNTS, rest_names
 from tsplat.io.ply_header import Element, Header
 from tsplat.io.ply_rows import find_rows
-from tsplat.io.smallest_three import BY_COMPONENT, fill_quats
 from tsplat.io.threads import on_threads
 from tsplat.scene import SH_C0
 
@@ -31,16 +33,28 @@ Records = npt.NDArray[np.void]
 CHUNK = 256
 """Splats that share bounds; the last chunk of a file may hold fewer."""
 
-BLOCK = 16 * CHUNK
-"""Rows decoded at once; as many as `tsplat.io.arrays.CHUNK`, but whole chunks in any case."""
+BLOCK = 32 * CHUNK
+"""Rows decoded at once: more of them pay on a busy machine, where threads wait for each other at every one."""
 
 SH_RANGE = 4.0
 """Higher coefficients are kept from minus to plus this."""
 
 WORDS = ("packed_position", "packed_rotation", "packed_scale", "packed_color")
 
-SH_LEVELS = (((np.arange(256) + 0.5) / 128.0 - 1.0) * SH_RANGE).astype(np.float32)
-SH_LEVELS[[0, 255]] = -SH_RANGE, SH_RANGE  # the outer steps stand for the ends of the range, not their middle
+_INNER_LEVELS = (np.arange(1, 255) + 0.5) / 128.0 - 1.0
+SH_LEVELS = read_only((np.array([-1.0, *_INNER_LEVELS, 1.0]) * SH_RANGE).astype(np.float32))
+"""What bytes stand for; the outer ones for the ends of the range, not the middle of a step."""
+
+THREE = read_only(np.array([[21, 11, 0], [2047, 1023, 2047]], np.uint32))
+COLORS = read_only(np.array([[24, 16, 8], [255, 255, 255]], np.uint32))
+"""Where the fields of a word begin, and their highest values."""
+
+OPACITY = np.uint32(255)
+"""The last byte of a colour."""
+
+QUAT_LEVELS = read_only(((np.arange(1024) / 1023 - 0.5) * math.sqrt(2.0)).astype(np.float32))
+QUAT_PLACES = read_only(np.array([[0, 1, 2, 3], [1, 0, 2, 3], [2, 0, 1, 3], [3, 0, 1, 2]], np.uint8))
+"""The largest is numbered as in ``wxyz`` and left out, its sign made positive; the others follow in that order."""
 
 
 def bound_names(prefix: str, axes: str) -> list[str]:
@@ -62,7 +76,9 @@ def is_compressed(header: Header) -> bool:
     return packed and header.element("chunk") is not None
 
 
-def read_arrays(file: BinaryIO, path: Path, header: Header, progress: Callable[[float], None]) -> Arrays:
+def read_arrays(
+    file: BinaryIO, path: Path, header: Header, progress: Callable[[float], None]
+) -> tuple[Arrays, Mask]:
     """Decode every splat.
 
     Parameters
@@ -78,8 +94,10 @@ def read_arrays(file: BinaryIO, path: Path, header: Header, progress: Callable[[
 
     Returns
     -------
-    Arrays
+    arrays : Arrays
         As `tsplat.io.finish.finish` takes them; bounds that are nan or inf make the same of their splats.
+    good : ndarray of bool, [N]
+        Which splats are not so; all quats are unit quats.
 
     Raises
     ------
@@ -92,28 +110,33 @@ def read_arrays(file: BinaryIO, path: Path, header: Header, progress: Callable[[
     bounds = _read_bounds(file, path, header, chunk)
     n, k = vertex.count, 1 + (len(rest.properties) // 3 if rest else 0)
     arrays = Arrays.empty(n, k)
-    elements = [vertex, rest] if rest else [vertex]
+    # What lies between finite bounds is finite, except for the exp of a log scale.
+    finite = np.all([np.isfinite(ends).all(axis=1) for ends in (*bounds[:2], *bounds[4:])], axis=0)
+    good = np.repeat(finite, CHUNK)[:n]
     # Records of the rest hold nothing but these bytes.
-    rest_columns = [rest.names.index(name) for name in rest_names(k)] if rest else []
+    rest_columns = read_only(
+        np.array([rest.names.index(name) for name in rest_names(k)] if rest else [], np.uint8)
+    )
+    decode_with = decoders()
 
-    def pieces() -> Iterator[tuple[Element, slice, Records]]:
-        for number, element in enumerate(elements):
-            for rows, records in _blocks(file, path, header, element):
-                yield element, rows, records
-                progress((number + rows.stop / n) / len(elements))
+    def pieces() -> Iterator[tuple[slice, Records, Records | None]]:
+        # Side by side, so that what a splat becomes is written while it is in the cache.
+        steps = _blocks(file, path, header, rest) if rest else repeat((None, None))
+        for (rows, words), (_, rest_steps) in zip(_blocks(file, path, header, vertex), steps, strict=False):
+            yield rows, words, rest_steps
+            progress(rows.stop / n)
 
-    def decode(piece: tuple[Element, slice, Records]) -> None:
-        element, rows, records = piece
+    def decode(piece: tuple[slice, Records, Records | None]) -> None:
+        rows, words, rest_steps = piece
         out = arrays.part(rows)
-        if element is vertex:
-            low, high = (np.repeat(_of_chunks(ends, rows), CHUNK, 1)[:, : len(records)] for ends in bounds)
-            _decode_splats(records, low, high, out)
-        else:
-            steps = records.view(np.uint8).reshape(len(records), -1)[:, rest_columns]
-            out.sh[:, 1:] = np.take(SH_LEVELS, steps, mode="clip").reshape(len(records), k - 1, 3)
+        if rest_steps is not None:
+            steps = read_only(rest_steps.view(np.uint8).reshape(len(words), -1))
+            decode_with.look_up(steps, rest_columns, SH_LEVELS, 3, out.sh.reshape(len(words), -1))
+        _decode_splats(words, [_of_chunks(ends, rows) for ends in bounds], decode_with, out)
+        mark_finite(out.scales, good[rows])
 
     on_threads(decode, pieces())
-    return arrays
+    return arrays, good
 
 
 def _elements(path: Path, header: Header) -> tuple[Element, Element, Element | None]:
@@ -152,8 +175,9 @@ def _require_count(path: Path, element: Element, expected: int, why: str) -> Non
         raise CorruptFileError(path, f"{problem}; fetch it again")
 
 
-def _read_bounds(file: BinaryIO, path: Path, header: Header, chunk: Element) -> tuple[F32, F32]:
-    # Minima and maxima, each [9, chunks]: of means, log scales and colours; without bounds colours go from 0 to 1.
+def _read_bounds(file: BinaryIO, path: Path, header: Header, chunk: Element) -> list[F32]:
+    # Low and high ones of means, log scales and first coefficients, each [chunks, 3]; colours without any go from
+    # 0 to 1.
     names = POSITION_BOUNDS + SCALE_BOUNDS + COLOR_BOUNDS
     blocks = [
         np.stack(
@@ -161,14 +185,17 @@ def _read_bounds(file: BinaryIO, path: Path, header: Header, chunk: Element) -> 
         )
         for _, rows in _blocks(file, path, header, chunk)
     ]
-    bounds = np.concatenate([np.empty((0, len(names))), *blocks]).astype(np.float32).T.reshape(3, 2, 3, -1)
-    return bounds[:, 0].reshape(9, -1), bounds[:, 1].reshape(9, -1)
+    bounds = np.concatenate([np.empty((0, len(names))), *blocks]).astype(np.float64)
+    bounds[:, 12:] = (bounds[:, 12:] - 0.5) / SH_C0
+    with np.errstate(over="ignore"):
+        return [read_only(three.astype(np.float32)) for three in np.split(bounds, 6, axis=1)]
 
 
 def _blocks(file: BinaryIO, path: Path, header: Header, element: Element) -> Iterator[tuple[slice, Records]]:
     record: np.dtype[Any] = np.dtype([(prop.name, header.byte_order + prop.code) for prop in element.properties])
-    file.seek(find_rows(file, path, header, element))
+    start = find_rows(file, path, header, element)
     for part in chunks(element.count, BLOCK):
+        file.seek(start + part.start * record.itemsize)  # the rows of another element may have been read
         rows = np.empty(part.stop - part.start, record)
         got = file.readinto(rows.view(np.uint8).data)  # type: ignore[attr-defined]
         if got < rows.nbytes:
@@ -178,35 +205,15 @@ def _blocks(file: BinaryIO, path: Path, header: Header, element: Element) -> Ite
 
 
 def _of_chunks(ends: F32, rows: slice) -> F32:
-    return ends[:, rows.start // CHUNK : -(-rows.stop // CHUNK)]
+    return ends[rows.start // CHUNK : -(-rows.stop // CHUNK)]
 
 
-def _decode_splats(records: Records, low: F32, high: F32, out: Arrays) -> None:
-    # Fields lie in rows, [fields, N], until the end: they are longer than the three of a splat.
-    position, rotation, scale, color = (records[word].astype(np.uint32) for word in WORDS)
-    out.means[:] = _between(low[:3], high[:3], _three(position)).T
-    out.scales[:] = np.exp(_between(low[3:6], high[3:6], _three(scale))).T
-    levels = _fields(color, (24, 16, 8, 0), (8, 8, 8, 8))
-    out.sh[:, 0] = ((_between(low[6:], high[6:], levels[:3]) - np.float32(0.5)) / np.float32(SH_C0)).T
-    out.opacities[:] = levels[3]
-    # The largest component is left out: it follows from the others, and its sign was made positive.
-    others = (_fields(rotation, (20, 10, 0), (10, 10, 10)) - np.float32(0.5)) * np.float32(math.sqrt(2.0))
-    fill_quats(others.T, rotation >> 30, BY_COMPONENT, out.quats)
-
-
-def _fields(words: U32, shifts: tuple[int, ...], bits: tuple[int, ...]) -> F32:
-    # Bit fields of each word, from 0 to 1; [fields, N].
-    tops = (1 << np.array(bits, np.uint32)[:, None]) - 1
-    fields: F32 = (words >> np.array(shifts, np.uint32)[:, None] & tops).astype(np.float32)
-    fields /= tops.astype(np.float32)
-    return fields
-
-
-def _three(words: U32) -> F32:
-    return _fields(words, (21, 11, 0), (11, 10, 11))
-
-
-def _between(low: F32, high: F32, part: F32) -> F32:
-    # Written so that 0 and 1 give the bounds to the bit.
-    between: F32 = low * (1.0 - part) + high * part
-    return between
+def _decode_splats(records: Records, bounds: list[F32], decode_with: Decoders, out: Arrays) -> None:
+    position, rotation, scale, color = (read_only(records[word].astype(np.uint32)) for word in WORDS)
+    between = decode_with.between
+    between(position, *THREE, *bounds[:2], CHUNK, out.means)
+    between(scale, *THREE, *bounds[2:4], CHUNK, out.scales)
+    np.exp(out.scales, out=out.scales)
+    between(color, *COLORS, *bounds[4:], CHUNK, out.sh.reshape(len(color), -1))
+    np.divide((color & OPACITY).astype(np.float32), np.float32(OPACITY), out=out.opacities)
+    decode_with.smallest_three(rotation, QUAT_LEVELS, QUAT_PLACES, out.quats)

@@ -19,6 +19,7 @@ from tsplat.io.threads import on_threads
 from tsplat.scene import Gaussians
 
 F32 = npt.NDArray[np.float32]
+F64 = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
 
@@ -30,6 +31,7 @@ def finish(
     opacities: F32,
     sh: F32,
     *,
+    good: Mask | None = None,
     max_splats: int | None,
     antialiased: bool = False,
 ) -> Gaussians:
@@ -41,6 +43,8 @@ def finish(
         The file, for the warning.
     means, quats, scales, opacities, sh : ndarray of float32
         As in `tsplat.io.arrays.Arrays`; what they hold is changed, and they become the scene.
+    good : ndarray of bool, [N], optional
+        As from `mend`, where the reader knows or has mended the splats; else all are mended here.
     max_splats : int or None
         Keep at most this many, those with the largest opacity times area.
     antialiased : bool
@@ -55,18 +59,24 @@ def finish(
         *(np.require(array, np.float32, ("C", "W")) for array in (means, quats, scales, opacities, sh))
     )
     count = len(means)
-    good = np.empty(count, np.bool_)
-
-    def mend_chunk(rows: slice) -> None:
-        good[rows] = mend(arrays.part(rows))
-
-    on_threads(mend_chunk, chunks(count))
+    if good is None:
+        good = _mend_all(arrays)
     kept = int(np.count_nonzero(good))
     warn_dropped(path, count - kept, count, stacklevel=5)
     if max_splats is not None and max_splats < kept:
         good = most_important(scores(arrays, good), max_splats)
     means, quats, scales, opacities, sh = (keep(array, good) for array in arrays)
-    return Gaussians(means, quats, scales, opacities, sh, antialiased)
+    return Gaussians.of_finite(means, quats, scales, opacities, sh, antialiased)
+
+
+def _mend_all(arrays: Arrays) -> Mask:
+    good = np.empty(len(arrays.means), np.bool_)
+
+    def mend_chunk(rows: slice) -> None:
+        good[rows] = mend(arrays.part(rows))
+
+    on_threads(mend_chunk, chunks(len(good)))
+    return good
 
 
 def warn_dropped(path: Path, dropped: int, count: int, stacklevel: int) -> None:
@@ -82,11 +92,16 @@ def mend(arrays: Arrays) -> Mask:
     with np.errstate(all="ignore"):  # what that makes is what is looked for
         for array in arrays:
             mark_finite(array, good)
-        # Squares leave float32 soon.
-        lengths = np.sqrt(np.einsum("ij,ij->i", arrays.quats, arrays.quats, dtype=np.float64))
-        good &= lengths > 0.0
-        np.divide(arrays.quats, lengths[:, None], out=arrays.quats, casting="same_kind")
+        good &= make_unit(arrays.quats) > 0.0
     return good
+
+
+def make_unit(quats: F32) -> F64:
+    """Make quats unit quats in place, and return how long they were, float64 [N]; those of 0 become nan."""
+    # Squares leave float32 soon.
+    lengths: F64 = np.sqrt(np.einsum("ij,ij->i", quats, quats, dtype=np.float64))
+    np.divide(quats, lengths[:, None], out=quats, casting="same_kind")
+    return lengths
 
 
 def mark_finite(array: F32, good: Mask) -> None:

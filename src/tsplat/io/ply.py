@@ -48,9 +48,9 @@ def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) ->
     with path.open("rb") as file:
         header = read_header(file, path)
         if compressed_ply.is_compressed(header):
-            arrays = compressed_ply.read_arrays(file, path, header, progress)
+            arrays, good = compressed_ply.read_arrays(file, path, header, progress)
             antialiased = is_antialiased(header.comments)
-            return finish(path, *arrays, max_splats=options.max_splats, antialiased=antialiased)
+            return finish(path, *arrays, good=good, max_splats=options.max_splats, antialiased=antialiased)
         vertex = header.element("vertex")
         if vertex is None:
             raise LoadError(path, "holds no element 'vertex', so it is no splat scene; choose another file")

@@ -12,8 +12,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
+import numpy as np
+
+from tsplat.decode import decoders
 from tsplat.errors import CorruptFileError, LoadWarning
-from tsplat.io.arrays import Arrays, chunks
+from tsplat.io.arrays import CHUNK, Arrays, chunks
 from tsplat.io.finish import finish
 from tsplat.io.options import LoadOptions
 from tsplat.io.spz_decode import decode
@@ -34,6 +37,9 @@ from tsplat.scene import Gaussians
 
 UNPACKED = 0.9
 """How much of the work is done when everything is unpacked."""
+
+ROWS = 2 * CHUNK
+"""Splats unpacked and decoded at once: threads take turns at unpacking, and wait for each other at every one."""
 
 
 def matches(head: bytes) -> bool:
@@ -74,7 +80,9 @@ def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) ->
         problem = f"flags {header.flags:#x} announce extensions, which were not read"
         warnings.warn(f"{path}: {problem}; the scene may be meant otherwise", LoadWarning, stacklevel=3)
     antialiased = bool(header.flags & ANTIALIASED)
-    gaussians = finish(path, *arrays, max_splats=options.max_splats, antialiased=antialiased)
+    # Halves may be nan or inf, what else is there cannot, and all quats are unit quats.
+    good = None if header.version == 1 else np.ones(header.count, np.bool_)
+    gaussians = finish(path, *arrays, good=good, max_splats=options.max_splats, antialiased=antialiased)
     progress(1.0)
     return gaussians
 
@@ -134,16 +142,18 @@ def fill(
         done, need = 0, header.need
         for name, whole in header.streams.items():
             width = whole // max(header.count, 1)
-            for rows in chunks(header.count if width else 0):
+            for rows in chunks(header.count if width else 0, ROWS):
                 piece = streams.read(name, width * (rows.stop - rows.start))
                 yield name, rows, piece
                 done += len(piece)
                 progress(UNPACKED * done / need)
         streams.end()
 
+    decode_with = decoders()
+
     def decode_piece(piece: tuple[str, slice, bytes]) -> None:
         name, rows, stream = piece
-        decode(name, stream, header, turned, arrays.part(rows))
+        decode(name, stream, header, turned, decode_with, arrays.part(rows))
 
     on_threads(decode_piece, pieces())
 

@@ -6,13 +6,17 @@ Most values are one byte, so decoding is a table of 256 numbers.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
+from tsplat.decode import Decoders, read_only
 from tsplat.io.arrays import F32, Arrays
-from tsplat.io.smallest_three import fill_quats, missing, sources
+from tsplat.io.finish import make_unit
+from tsplat.io.smallest_three import missing
 from tsplat.io.spz_header import Header
+from tsplat.scene import SH_COEFFICIENTS
 
 U8 = npt.NDArray[np.uint8]
 
@@ -36,11 +40,13 @@ _BYTES = np.arange(256, dtype=np.float64)
 SCALES = np.exp(_BYTES / 16 - 10).astype(np.float32)
 """What the bytes of a scale stand for: logarithms in sixteenths."""
 _OPACITIES = (_BYTES / 255).astype(np.float32)
-_COLOURS = ((_BYTES / 255 - 0.5) / COLOUR_SCALE).astype(np.float32)
 _FIRST_THREE = (_BYTES / 127.5 - 1).astype(np.float32)
+_COLOUR_MIDDLE = np.float32(127.5)
+_COLOUR_STEPS = read_only(np.full(3, 1 / (255 * COLOUR_SCALE), np.float32))
+_REST_MIDDLE = np.float32(128)
 _REST_STEP = np.float32(1 / 128)
-_SMALLEST_SHIFTS = np.array([20, 10, 0], np.uint32)
-_PLACES = sources(OTHERS)
+_PLACES = read_only(np.insert(OTHERS, 0, [1, 2, 3, 0], axis=1).astype(np.uint8))
+"""Where in ``wxyz`` the largest belongs, by its number in ``xyzw``, and then the others."""
 
 
 def _smallest_table() -> F32:
@@ -48,10 +54,10 @@ def _smallest_table() -> F32:
     return np.concatenate([sizes, -sizes]).astype(np.float32)
 
 
-_SMALLEST = _smallest_table()
+_SMALLEST = read_only(_smallest_table())
 
 
-def decode(name: str, stream: bytes, header: Header, turned: bool, out: Arrays) -> None:
+def decode(name: str, stream: bytes, header: Header, turned: bool, decode_with: Decoders, out: Arrays) -> None:
     """Decode some splats' bytes of one stream.
 
     Parameters
@@ -64,6 +70,8 @@ def decode(name: str, stream: bytes, header: Header, turned: bool, out: Arrays) 
         Of the file.
     turned : bool
         Turn the scene by half a turn about x: from right-up-back axes to right-down-front.
+    decode_with : Decoders
+        As from `tsplat.decode.decoders`.
     out : Arrays
         Where to; the arrays that the stream says nothing of stay as they are.
     """
@@ -79,15 +87,22 @@ def decode(name: str, stream: bytes, header: Header, turned: bool, out: Arrays) 
         case "opacities":
             np.take(_OPACITIES, values, out=out.opacities, mode="clip")
         case "colours":
-            out.sh[:, 0] = np.take(_COLOURS, values.reshape(-1, 3), mode="clip")
+            flat = out.sh.reshape(len(out.sh), -1)
+            decode_with.scale(values.reshape(-1, 3), _COLOUR_MIDDLE, _COLOUR_STEPS, 0, flat)
         case "scales":
             np.take(SCALES, values.reshape(-1, 3), out=out.scales, mode="clip")
         case "quats":
-            (_first_three if header.version < 3 else _smallest_three)(stream, out.quats)
+            if header.version < 3:
+                _first_three(values, out.quats)
+            else:
+                words = np.frombuffer(stream, "<u4").astype(np.uint32, copy=False)
+                decode_with.smallest_three(words, _SMALLEST, _PLACES, out.quats)
             if turned:
                 _change_signs(out.quats, QUATS_SIGNS)
         case "sh":
-            _rest(values, turned, out.sh)
+            flat = out.sh.reshape(len(out.sh), -1)
+            steps = _rest_steps(out.sh.shape[1], turned)
+            decode_with.scale(values.reshape(len(flat), -1), _REST_MIDDLE, steps, 3, flat)
 
 
 def _fixed(stream: bytes, fractional_bits: int, out: F32) -> None:
@@ -101,23 +116,17 @@ def _half(stream: bytes, out: F32) -> None:
     out[:] = np.frombuffer(stream, "<f2").reshape(-1, 3)
 
 
-def _first_three(stream: bytes, out: F32) -> None:
-    out[:, 1:] = _FIRST_THREE[np.frombuffer(stream, np.uint8)].reshape(-1, 3)
+def _first_three(values: U8, out: F32) -> None:
+    out[:, 1:] = _FIRST_THREE[values].reshape(-1, 3)
     out[:, 0] = missing(out[:, 1:])
+    make_unit(out)
 
 
-def _smallest_three(stream: bytes, out: F32) -> None:
-    packed = np.frombuffer(stream, "<u4")
-    fields = packed[:, None] >> _SMALLEST_SHIFTS & np.uint32(1023)
-    fill_quats(np.take(_SMALLEST, fields, mode="clip"), packed >> 30, _PLACES, out)
-
-
-def _rest(values: U8, turned: bool, sh: F32) -> None:
-    signs = (SH_SIGNS if turned else np.ones_like(SH_SIGNS))[1 : sh.shape[1]]
-    steps = np.repeat(signs * _REST_STEP, 3, axis=1).ravel()
-    # The highest bit turned over makes a byte's distance from 128 of it.
-    distances = (values ^ 128).view(np.int8).reshape(len(sh), -1)
-    sh.reshape(len(sh), -1)[:, 3:] = distances * steps
+@lru_cache(maxsize=2 * len(SH_COEFFICIENTS))
+def _rest_steps(k: int, turned: bool) -> F32:
+    # What one more of a byte makes of each value behind the first three.
+    signs = SH_SIGNS if turned else np.ones_like(SH_SIGNS)
+    return read_only(np.repeat(signs[1:k] * _REST_STEP, 3))
 
 
 def _change_signs(array: F32, signs: F32) -> None:
