@@ -10,14 +10,13 @@ import numpy.typing as npt
 import pytest
 
 from tsplat.decode import kernels, plain
-from tsplat.decode.plain import read_only
 
 F32 = npt.NDArray[np.float32]
 COUNTS = [0, 1, 255, 256, 257, 700]
-TOPS = read_only(np.array([2047, 1023, 2047], np.uint32))
-SHIFTS = read_only(np.array([21, 11, 0], np.uint32))
-LEVELS = read_only(((np.arange(1024) / 1023 - 0.5) * math.sqrt(2.0)).astype(np.float32))
-PLACES = read_only(np.array([[0, 1, 2, 3], [1, 0, 2, 3], [2, 0, 1, 3], [3, 0, 1, 2]], np.uint8))
+TOPS = np.array([2047, 1023, 2047], np.uint32)
+SHIFTS = np.array([21, 11, 0], np.uint32)
+LEVELS = ((np.arange(1024) / 1023 - 0.5) * math.sqrt(2.0)).astype(np.float32)
+PLACES = np.array([[0, 1, 2, 3], [1, 0, 2, 3], [2, 0, 1, 3], [3, 0, 1, 2]], np.uint8)
 
 
 @pytest.fixture
@@ -38,18 +37,18 @@ def both(name: str, shape: tuple[int, ...], *arguments: Any) -> F32:
 
 
 def words(rng: np.random.Generator, count: int) -> npt.NDArray[np.uint32]:
-    return read_only(rng.integers(0, 1 << 32, count, dtype=np.uint32))
+    return rng.integers(0, 1 << 32, count, dtype=np.uint32)
 
 
 def groups(rng: np.random.Generator, count: int, spread: float) -> F32:
-    return read_only(rng.normal(0.0, spread, (-(-count // 256), 3)).astype(np.float32))
+    return rng.normal(0.0, spread, (-(-count // 256), 3)).astype(np.float32)
 
 
 @pytest.mark.parametrize("count", COUNTS)
 def test_bytes_are_looked_up_in_the_columns_that_are_wanted(rng: np.random.Generator, count: int) -> None:
-    steps = read_only(rng.integers(0, 256, (count, 9), dtype=np.uint8))
-    columns = read_only(rng.permutation(9).astype(np.uint8))
-    levels = read_only(rng.normal(size=256).astype(np.float32))
+    steps = rng.integers(0, 256, (count, 9), dtype=np.uint8)
+    columns = rng.permutation(9).astype(np.uint8)
+    levels = rng.normal(size=256).astype(np.float32)
     found = both("look_up", (count, 12), steps, columns, levels, 3)
     np.testing.assert_array_equal(found[:, 3:], levels[steps[:, columns]])
     assert (found[:, :3] == -7.0).all(), "other columns stay"
@@ -57,8 +56,8 @@ def test_bytes_are_looked_up_in_the_columns_that_are_wanted(rng: np.random.Gener
 
 @pytest.mark.parametrize("count", COUNTS)
 def test_bytes_are_scaled_from_the_middle(rng: np.random.Generator, count: int) -> None:
-    steps = read_only(rng.integers(0, 256, (count, 45), dtype=np.uint8))
-    factors = read_only(rng.normal(size=45).astype(np.float32))
+    steps = rng.integers(0, 256, (count, 45), dtype=np.uint8)
+    factors = rng.normal(size=45).astype(np.float32)
     found = both("scale", (count, 50), steps, np.float32(127.5), factors, 2)
     np.testing.assert_allclose(found[:, 2:47], (steps.astype(np.float64) - 127.5) * factors, rtol=1e-7)
     assert (found[:, [0, 1, 47, 48, 49]] == -7.0).all(), "other columns stay"
@@ -79,7 +78,7 @@ def test_fields_lie_between_the_bounds_of_their_group(rng: np.random.Generator, 
 
 def test_the_ends_of_a_field_are_the_bounds_to_the_bit(rng: np.random.Generator) -> None:
     low, high = groups(rng, 256, 1.0), groups(rng, 256, 1.0)
-    packed = read_only(np.array([0, 2**32 - 1], np.uint32))
+    packed = np.array([0, 2**32 - 1], np.uint32)
     found = both("between", (2, 3), packed, SHIFTS, TOPS, low, high, 256)
     np.testing.assert_array_equal(found, np.concatenate([low, high]))
 
@@ -88,7 +87,7 @@ def test_the_ends_of_a_field_are_the_bounds_to_the_bit(rng: np.random.Generator)
 def test_bounds_that_are_no_numbers_reach_their_own_group_only(rng: np.random.Generator, bad: float) -> None:
     low, high = groups(rng, 700, 1.0).copy(), groups(rng, 700, 1.0)
     low[1] = bad
-    found = both("between", (700, 3), words(rng, 700), SHIFTS, TOPS, read_only(low), high, 256)
+    found = both("between", (700, 3), words(rng, 700), SHIFTS, TOPS, low, high, 256)
     assert np.isfinite(found[:256]).all()
     assert np.isfinite(found[512:]).all()
     assert np.isfinite(found[256:512]).any() == np.isfinite(bad)

@@ -1,21 +1,18 @@
 """Bytes and bit fields of packed splats to float32: by machine code where it is ready, by NumPy until then.
 
-Nothing here knows a file format.
+Nothing here knows a file format. Nobody waits for a compiler to read a file: the first run of the viewer compiles
+these kernels beside its frames, or whoever calls `make_ready` does.
 """
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from typing import NamedTuple
 
+from tsplat._jit import JIT
 from tsplat.decode import plain
-from tsplat.decode.plain import read_only
 
-__all__ = ["KERNELS", "Decoders", "decoders", "decoders_ready", "make_ready", "read_only"]
-
-KERNELS = "TSPLAT_DECODE_KERNELS"
-"""Set to 1, this variable of the environment has kernels decode, compiled now where they are not ready."""
+__all__ = ["Decoders", "decoders", "make_ready"]
 
 
 class Decoders(NamedTuple):
@@ -29,20 +26,15 @@ class Decoders(NamedTuple):
 
 def decoders() -> Decoders:
     """Return the quickest decoders that are ready now."""
-    if not decoders_ready():
-        return Decoders(plain.look_up, plain.scale, plain.between, plain.smallest_three)
     from tsplat.decode import kernels
 
-    return Decoders(kernels.look_up, kernels.scale, kernels.between, kernels.smallest_three)
-
-
-def decoders_ready() -> bool:
-    """Tell whether kernels can be called without being compiled first."""
-    return os.environ.get(KERNELS) == "1"
+    if JIT and all(kernel.ready(*arguments) for kernel, arguments in kernels.calls()):
+        return Decoders(kernels.look_up, kernels.scale, kernels.between, kernels.smallest_three)
+    return Decoders(plain.look_up, plain.scale, plain.between, plain.smallest_three)
 
 
 def make_ready() -> None:
-    """Load the kernels, or compile them."""
+    """Load the kernels, or compile them, which takes two or three seconds."""
     from tsplat.decode import kernels
 
     for kernel, arguments in kernels.calls():

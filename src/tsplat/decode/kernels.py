@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from tsplat._jit import kernel
-from tsplat.decode.plain import FIELD_BITS, read_only
+from tsplat.decode.plain import FIELD_BITS
 
 
 @kernel
@@ -68,9 +68,9 @@ def smallest_three(words, levels, places, out):
 def calls():
     """Return every kernel with arguments of the types that it is called with, of no splats."""
     values, rows = np.empty((0, 3), np.float32), np.empty((0, 4), np.float32)
-    bounds, words = read_only(values), read_only(np.empty(0, np.uint32))
-    levels, steps = read_only(np.empty(0, np.float32)), read_only(np.empty((0, 3), np.uint8))
-    columns, places = read_only(np.empty(0, np.uint8)), read_only(np.empty((0, 4), np.uint8))
+    bounds, words = values, np.empty(0, np.uint32)
+    levels, steps = np.empty(0, np.float32), np.empty((0, 3), np.uint8)
+    columns, places = np.empty(0, np.uint8), np.empty((0, 4), np.uint8)
     return [
         (look_up, (steps, columns, levels, 3, values)),
         (scale, (steps, np.float32(0.0), levels, 3, values)),

@@ -1,17 +1,13 @@
 """Bytes and bit fields of packed splats to float32, in NumPy: slow, and what `tsplat.decode.kernels` means.
 
 Sums in float64 are of products that are exact there, so their bits are the same whether a processor rounds once or
-twice. Inputs are as `read_only` makes them, so that each kernel is compiled once.
+twice. Inputs are C-ordered, so that each kernel is compiled once.
 """
 
 from __future__ import annotations
 
-from typing import TypeVar
-
 import numpy as np
 import numpy.typing as npt
-
-Scalar = TypeVar("Scalar", bound=np.generic)
 
 F32 = npt.NDArray[np.float32]
 U8 = npt.NDArray[np.uint8]
@@ -19,13 +15,6 @@ U32 = npt.NDArray[np.uint32]
 
 FIELD_BITS = 10
 """Bits of each smaller component of a quat."""
-
-
-def read_only(array: npt.NDArray[Scalar]) -> npt.NDArray[Scalar]:
-    """Return the array, C-ordered, as a view that cannot be written to."""
-    view = np.ascontiguousarray(array).view()
-    view.flags.writeable = False
-    return view
 
 
 def look_up(steps: U8, columns: U8, levels: F32, first: int, out: F32) -> None:

@@ -17,7 +17,7 @@ from typing import Any, BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from tsplat.decode import Decoders, decoders, read_only
+from tsplat.decode import Decoders, decoders
 from tsplat.errors import CorruptFileError, LoadError
 from tsplat.io.arrays import F32, Arrays, chunks
 from tsplat.io.finish import Mask, mark_finite
@@ -42,18 +42,18 @@ SH_RANGE = 4.0
 WORDS = ("packed_position", "packed_rotation", "packed_scale", "packed_color")
 
 _INNER_LEVELS = (np.arange(1, 255) + 0.5) / 128.0 - 1.0
-SH_LEVELS = read_only((np.array([-1.0, *_INNER_LEVELS, 1.0]) * SH_RANGE).astype(np.float32))
+SH_LEVELS = (np.array([-1.0, *_INNER_LEVELS, 1.0]) * SH_RANGE).astype(np.float32)
 """What bytes stand for; the outer ones for the ends of the range, not the middle of a step."""
 
-THREE = read_only(np.array([[21, 11, 0], [2047, 1023, 2047]], np.uint32))
-COLORS = read_only(np.array([[24, 16, 8], [255, 255, 255]], np.uint32))
+THREE = np.array([[21, 11, 0], [2047, 1023, 2047]], np.uint32)
+COLORS = np.array([[24, 16, 8], [255, 255, 255]], np.uint32)
 """Where the fields of a word begin, and their highest values."""
 
 OPACITY = np.uint32(255)
 """The last byte of a colour."""
 
-QUAT_LEVELS = read_only(((np.arange(1024) / 1023 - 0.5) * math.sqrt(2.0)).astype(np.float32))
-QUAT_PLACES = read_only(np.array([[0, 1, 2, 3], [1, 0, 2, 3], [2, 0, 1, 3], [3, 0, 1, 2]], np.uint8))
+QUAT_LEVELS = ((np.arange(1024) / 1023 - 0.5) * math.sqrt(2.0)).astype(np.float32)
+QUAT_PLACES = np.array([[0, 1, 2, 3], [1, 0, 2, 3], [2, 0, 1, 3], [3, 0, 1, 2]], np.uint8)
 """The largest is numbered as in ``wxyz`` and left out, its sign made positive; the others follow in that order."""
 
 
@@ -114,9 +114,7 @@ def read_arrays(
     finite = np.all([np.isfinite(ends).all(axis=1) for ends in (*bounds[:2], *bounds[4:])], axis=0)
     good = np.repeat(finite, CHUNK)[:n]
     # Records of the rest hold nothing but these bytes.
-    rest_columns = read_only(
-        np.array([rest.names.index(name) for name in rest_names(k)] if rest else [], np.uint8)
-    )
+    rest_columns = np.array([rest.names.index(name) for name in rest_names(k)] if rest else [], np.uint8)
     decode_with = decoders()
 
     def pieces() -> Iterator[tuple[slice, Records, Records | None]]:
@@ -130,7 +128,7 @@ def read_arrays(
         rows, words, rest_steps = piece
         out = arrays.part(rows)
         if rest_steps is not None:
-            steps = read_only(rest_steps.view(np.uint8).reshape(len(words), -1))
+            steps = rest_steps.view(np.uint8).reshape(len(words), -1)
             decode_with.look_up(steps, rest_columns, SH_LEVELS, 3, out.sh.reshape(len(words), -1))
         _decode_splats(words, [_of_chunks(ends, rows) for ends in bounds], decode_with, out)
         mark_finite(out.scales, good[rows])
@@ -188,7 +186,7 @@ def _read_bounds(file: BinaryIO, path: Path, header: Header, chunk: Element) -> 
     bounds = np.concatenate([np.empty((0, len(names))), *blocks]).astype(np.float64)
     bounds[:, 12:] = (bounds[:, 12:] - 0.5) / SH_C0
     with np.errstate(over="ignore"):
-        return [read_only(three.astype(np.float32)) for three in np.split(bounds, 6, axis=1)]
+        return [np.ascontiguousarray(three, np.float32) for three in np.split(bounds, 6, axis=1)]
 
 
 def _blocks(file: BinaryIO, path: Path, header: Header, element: Element) -> Iterator[tuple[slice, Records]]:
@@ -209,7 +207,7 @@ def _of_chunks(ends: F32, rows: slice) -> F32:
 
 
 def _decode_splats(records: Records, bounds: list[F32], decode_with: Decoders, out: Arrays) -> None:
-    position, rotation, scale, color = (read_only(records[word].astype(np.uint32)) for word in WORDS)
+    position, rotation, scale, color = (records[word].astype(np.uint32) for word in WORDS)
     between = decode_with.between
     between(position, *THREE, *bounds[:2], CHUNK, out.means)
     between(scale, *THREE, *bounds[2:4], CHUNK, out.scales)

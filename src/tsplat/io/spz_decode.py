@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from tsplat.decode import Decoders, read_only
+from tsplat.decode import Decoders
 from tsplat.io.arrays import F32, Arrays
 from tsplat.io.finish import make_unit
 from tsplat.io.smallest_three import missing
@@ -42,10 +42,10 @@ SCALES = np.exp(_BYTES / 16 - 10).astype(np.float32)
 _OPACITIES = (_BYTES / 255).astype(np.float32)
 _FIRST_THREE = (_BYTES / 127.5 - 1).astype(np.float32)
 _COLOUR_MIDDLE = np.float32(127.5)
-_COLOUR_STEPS = read_only(np.full(3, 1 / (255 * COLOUR_SCALE), np.float32))
+_COLOUR_STEPS = np.full(3, 1 / (255 * COLOUR_SCALE), np.float32)
 _REST_MIDDLE = np.float32(128)
 _REST_STEP = np.float32(1 / 128)
-_PLACES = read_only(np.insert(OTHERS, 0, [1, 2, 3, 0], axis=1).astype(np.uint8))
+_PLACES = np.insert(OTHERS, 0, [1, 2, 3, 0], axis=1).astype(np.uint8)
 """Where in ``wxyz`` the largest belongs, by its number in ``xyzw``, and then the others."""
 
 
@@ -54,7 +54,7 @@ def _smallest_table() -> F32:
     return np.concatenate([sizes, -sizes]).astype(np.float32)
 
 
-_SMALLEST = read_only(_smallest_table())
+_SMALLEST = _smallest_table()
 
 
 def decode(name: str, stream: bytes, header: Header, turned: bool, decode_with: Decoders, out: Arrays) -> None:
@@ -126,7 +126,7 @@ def _first_three(values: U8, out: F32) -> None:
 def _rest_steps(k: int, turned: bool) -> F32:
     # What one more of a byte makes of each value behind the first three.
     signs = SH_SIGNS if turned else np.ones_like(SH_SIGNS)
-    return read_only(np.repeat(signs[1:k] * _REST_STEP, 3))
+    return np.repeat(signs[1:k] * _REST_STEP, 3)
 
 
 def _change_signs(array: F32, signs: F32) -> None:

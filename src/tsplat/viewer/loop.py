@@ -15,6 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import Protocol
 
+from tsplat.decode import make_ready
 from tsplat.errors import SaveError, TerminalError
 from tsplat.terminal import outputs
 from tsplat.terminal.keys import Answered, Event, Resize
@@ -298,6 +299,8 @@ class Viewer:
             if time.perf_counter() - start > NOTICE_SECONDS:
                 self.session.write(self.session.synchronized(self.notice(kernels.notice() or STARTING)))
                 kernels.done(0.1)
+        if kernels.compiling:  # the first run: the next ones read files with these
+            WarmUp(make_ready).start()
 
     def notice(self, text: str) -> bytes:
         """Return what shows, in the middle of the screen, that something goes on."""
