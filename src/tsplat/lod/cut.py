@@ -1,4 +1,4 @@
-"""Which blocks to draw: a budget of splats is spent where merging shows most on screen.
+"""Which blocks to draw: a budget of splats is spent where coarser ones show most on screen.
 
 Source: Luebke and Erikson 1997, *View-dependent simplification of arbitrary polygonal environments*, for a
 queue that spends a budget.
@@ -27,7 +27,7 @@ FULLY_SEEN = np.float32(2.0)
 """Pixels. What changes among smaller splats is blurred by the pixels, with the fourth power of the size."""
 
 KEPT_APART = 1.3
-"""How much more a block counts that was taken apart in the last frame: nothing flickers between two levels."""
+"""How much more a node counts that was taken apart in the last frame: nothing flickers between two levels."""
 
 
 LOW_WORD = np.uint64(0xFFFFFFFF)
@@ -43,11 +43,11 @@ class Cut:
     """
 
     def __init__(self, tree: Hierarchy) -> None:
-        blocks = int(tree.firsts[-1])
+        nodes = len(tree.splats)
         self._tree = tree
-        self._apart = np.zeros(blocks, np.uint8)
-        self._queue = np.empty(blocks + 2, np.uint64)
-        self._chosen = np.empty(blocks, np.int32)
+        self._apart = np.zeros(nodes, np.uint8)
+        self._queue = np.empty(nodes + 2, np.uint64)
+        self._chosen = np.empty(int(tree.blocks[-1]), np.int32)
 
     def blocks(self, camera: Camera, options: RenderOptions, budget: int) -> I32:
         """Return the blocks to draw, in order.
@@ -59,22 +59,33 @@ class Cut:
         options : RenderOptions
             How.
         budget : int
-            About so many splats in sight, though never less than one block.
+            About so many splats in sight, though never less than one block, nor less than the coarsest nodes.
         """
         tree = self._tree
-        most = max(1, budget // BLOCK)
-        focal = math.sqrt(float(camera.K[0, 0] * camera.K[1, 1]))
-        numbers = camera_numbers(camera, options)
         job = _Job(
-            tree.firsts, tree.scene.bounds, tree.sizes, tree.errors, numbers, focal, most, self._apart, self._queue
+            roots=tree.roots,
+            children=tree.children,
+            blocks=tree.blocks,
+            splats=tree.splats,
+            bounds=tree.bounds,
+            sizes=tree.sizes,
+            errors=tree.errors,
+            numbers=camera_numbers(camera, options),
+            focal=math.sqrt(float(camera.K[0, 0] * camera.K[1, 1])),
+            most=max(BLOCK, budget),
+            apart=self._apart,
+            queue=self._queue,
         )
         return np.sort(self._chosen[: _choose(job, self._chosen)])
 
 
 class _Job(NamedTuple):
-    """What `_choose` works on; ``apart`` marks the blocks that were taken apart when they were last in sight."""
+    """What `_choose` works on; ``apart`` marks the nodes that were taken apart when they were last in sight."""
 
-    firsts: npt.NDArray[np.int64]
+    roots: I32
+    children: I32
+    blocks: I32
+    splats: F32
     bounds: F32
     sizes: F32
     errors: F32
@@ -87,29 +98,32 @@ class _Job(NamedTuple):
 
 @kernel
 def _choose(job, chosen):
-    """Fill ``chosen`` and return how many blocks it is; those that lose most are taken apart first.
+    """Fill ``chosen`` and return how many blocks it is; the nodes that lose most are taken apart first.
 
-    Of a block half out of sight, half counts.
+    Of a node half out of sight, half counts.
     """
     count, waiting, spent = 0, 0, np.float32(0.0)
-    root = job.firsts[-1] - 1
-    if in_sight(root, job.numbers, job.bounds):
-        waiting = _push(job.queue, waiting, _key(root, job))
-        spent = share_in_sight(root, job.numbers, job.bounds)
+    for number in range(len(job.roots)):
+        root = np.int64(job.roots[number])
+        if in_sight(root, job.numbers, job.bounds):
+            waiting = _push(job.queue, waiting, _key(root, job))
+            spent += _splats_in_sight(root, job)
     while waiting > 0:
         key = job.queue[0]
         waiting = _drop_first(job.queue, waiting)
-        block = np.int64(key & LOW_WORD)
-        child, last = _children(block, job.firsts)
-        after = spent - share_in_sight(block, job.numbers, job.bounds)
+        node = np.int64(key & LOW_WORD)
+        child, last = np.int64(job.children[node, 0]), np.int64(job.children[node, 1])
+        after = spent - _splats_in_sight(node, job)
         for other in range(child, last):
             if in_sight(other, job.numbers, job.bounds):
-                after += share_in_sight(other, job.numbers, job.bounds)
+                after += _splats_in_sight(other, job)
         if child == last or (after > spent and after > job.most):
-            chosen[count], job.apart[block] = block, 0
-            count += 1
+            for block in range(job.blocks[node], job.blocks[node + 1]):
+                chosen[count] = block
+                count += 1
+            job.apart[node] = 0
             continue
-        job.apart[block], spent = 1, after
+        job.apart[node], spent = 1, after
         for other in range(child, last):
             if in_sight(other, job.numbers, job.bounds):
                 waiting = _push(job.queue, waiting, _key(other, job))
@@ -117,34 +131,27 @@ def _choose(job, chosen):
 
 
 @part
-def _key(block, job):
-    """Return what a picture loses by a block not taken apart, as the high bits of a number, and the block.
+def _splats_in_sight(node, job):
+    return job.splats[node] * share_in_sight(node, job.numbers, job.bounds)
+
+
+@part
+def _key(node, job):
+    """Return what a picture loses by a node not taken apart, as the high bits of a number, and the node.
 
     Losses are not negative, so their bits are in the same order as they are.
     """
-    at = block * BOUNDS
+    at = node * BOUNDS
     squared = np.float32(0.0)
     for axis in range(3):
         squared += (job.bounds[at + axis] - job.numbers[28 + axis]) ** 2
     distance = max(math.sqrt(squared) - job.bounds[at + 3], job.numbers[22])
     scale = np.float32(job.focal) / distance
-    share = min(np.float32(1.0), scale * job.sizes[block] / FULLY_SEEN)
-    seen = job.errors[block] * scale * scale * share**4
-    if job.apart[block]:
+    share = min(np.float32(1.0), scale * job.sizes[node] / FULLY_SEEN)
+    seen = job.errors[node] * scale * scale * share**4
+    if job.apart[node]:
         seen *= np.float32(KEPT_APART)
-    return np.uint64(np.float32(seen).view(np.uint32)) << np.uint64(32) | np.uint64(block)
-
-
-@part
-def _children(block, firsts):
-    """Return the first block that this one stands for, and the one after the last; the same for the finest."""
-    level = 0
-    while block >= firsts[level + 1]:
-        level += 1
-    if level == 0:
-        return block, block
-    child = firsts[level - 1] + 2 * (block - firsts[level])
-    return child, min(child + 2, firsts[level])
+    return np.uint64(np.float32(seen).view(np.uint32)) << np.uint64(32) | np.uint64(node)
 
 
 @part

@@ -15,7 +15,7 @@ from tsplat.framing import SAMPLE
 from tsplat.io import tsplat_file
 from tsplat.io.tsplat_header import Counts
 from tsplat.io.tsplat_map import Array, Mapped, open_mapped
-from tsplat.lod.hierarchy import Hierarchy, build, level_firsts
+from tsplat.lod.hierarchy import Hierarchy, binary_tree, build, level_firsts
 from tsplat.lod.kd import Order, kd_order
 from tsplat.raster.buffers import Buffers
 from tsplat.raster.prepare import Prepared
@@ -63,7 +63,7 @@ class Stored:
     @property
     def finest(self) -> npt.NDArray[np.int32]:
         """The blocks of the finest level, which are the scene itself."""
-        return self.tree.scene.blocks[: self.tree.firsts[1]]
+        return self.tree.finest
 
     def let_go(self) -> None:
         """Hold neither what was read so far nor what frames share: the next one is slower, the process small."""
@@ -116,7 +116,7 @@ def tree_of(mapped: Mapped) -> Hierarchy:
         bounds=arrays["bounds"],
         blocks=np.arange(counts.blocks, dtype=np.int32),
     )
-    return Hierarchy(scene, firsts, arrays["sizes"], arrays["errors"])
+    return binary_tree(firsts, scene, arrays["sizes"], arrays["errors"])
 
 
 def store(file: BinaryIO, gaussians: Gaussians, threads: int, progress: Callable[[float], None]) -> None:
