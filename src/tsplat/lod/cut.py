@@ -67,6 +67,7 @@ class Cut:
             children=tree.children,
             blocks=tree.blocks,
             splats=tree.splats,
+            block_bounds=tree.scene.bounds,
             bounds=tree.bounds,
             sizes=tree.sizes,
             errors=tree.errors,
@@ -76,7 +77,8 @@ class Cut:
             apart=self._apart,
             queue=self._queue,
         )
-        return np.sort(self._chosen[: _choose(job, self._chosen)])
+        with tree.scene.lock:  # what is being read may join the tree at any other time
+            return np.sort(self._chosen[: _choose(job, self._chosen)])
 
 
 class _Job(NamedTuple):
@@ -86,6 +88,7 @@ class _Job(NamedTuple):
     children: I32
     blocks: I32
     splats: F32
+    block_bounds: F32
     bounds: F32
     sizes: F32
     errors: F32
@@ -132,7 +135,12 @@ def _choose(job, chosen):
 
 @part
 def _splats_in_sight(node, job):
-    return job.splats[node] * share_in_sight(node, job.numbers, job.bounds)
+    """Return about how many splats of a node are in the image, block by block: a node may be a large part of a scene."""
+    first, last = job.blocks[node], job.blocks[node + 1]
+    shares = np.float32(0.0)
+    for block in range(first, last):
+        shares += share_in_sight(block, job.numbers, job.block_bounds)
+    return shares * job.splats[node] / max(last - first, 1)
 
 
 @part
