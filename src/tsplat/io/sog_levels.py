@@ -86,12 +86,16 @@ def open_levels(path: Path) -> Levels:
 
     Raises
     ------
+    LoadError
+        It is another file.
     CorruptFileError
         They contradict each other, themselves or their sizes.
     OSError
         A file cannot be read.
     """
     fields = _fields(path)
+    if not is_streamed(fields):
+        raise LoadError(path, "is no lod-meta.json, which has a tree and filenames; load it")
     leaves, pieces = leaves_and_pieces(fields)
     files = [find_piece(path.parent, fields, piece) for piece in pieces]
     check_paid(path, files)

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import groupby, pairwise
 from pathlib import PurePosixPath
-from typing import Any, NamedTuple
+from typing import Any
 
 from tsplat.errors import OptionError
 from tsplat.io.sog_json import Fields
@@ -37,7 +37,8 @@ class Piece:
     runs: list[Run] | None
 
 
-class Lod(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Lod:
     """The splats of a leaf on one level: a run of a file, or with no count all of it."""
 
     name: str
@@ -118,8 +119,8 @@ def _sky(fields: Fields) -> list[Lod]:
 def _pieces(fields: Fields, lods: list[Lod], where: str) -> list[Piece]:
     """Return the files in the order of their names, each with its runs; refuse runs that overlap."""
     found: dict[str, list[Run]] = {}
-    for name, offset, count in lods:
-        found.setdefault(name, []).append((offset, count or 0))
+    for lod in lods:
+        found.setdefault(lod.name, []).append((lod.offset, lod.count or 0))
     if not found:
         raise fields.corrupt("has a tree without leaves, expected at least one")
     for name, runs in found.items():

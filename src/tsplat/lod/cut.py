@@ -135,7 +135,7 @@ def _choose(job, chosen):
 
 @part
 def _splats_in_sight(node, job):
-    """Return about how many splats of a node are in the image, block by block: a node may be a large part of a scene."""
+    """Return about how many splats of a node are in the image, block by block: it may be half of the scene."""
     first, last = job.blocks[node], job.blocks[node + 1]
     shares = np.float32(0.0)
     for block in range(first, last):

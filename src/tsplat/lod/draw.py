@@ -6,7 +6,6 @@ from tsplat.camera import Camera
 from tsplat.lod.cut import Cut
 from tsplat.lod.hierarchy import hierarchy
 from tsplat.lod.stored import Stored
-from tsplat.lod.streamed import Streamed
 from tsplat.raster import rasterize, rasterize_blocks
 from tsplat.rendering import Rendering, RenderOptions
 from tsplat.scene import Gaussians
@@ -21,8 +20,7 @@ LEAST_BUDGET, LARGEST_BUDGET = 20_000, 500_000
 def rasterize_all(scene: Gaussians | Stored, camera: Camera, options: RenderOptions) -> Rendering:
     """Draw every splat of a scene, in memory or on disk; see `tsplat.raster.rasterize`."""
     if isinstance(scene, Stored):
-        if isinstance(scene, Streamed):
-            scene.read_rest()
+        scene.read_rest()
         return rasterize_blocks(scene.tree.scene, scene.finest, camera, options)
     return rasterize(scene, camera, options)
 

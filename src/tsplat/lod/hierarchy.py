@@ -131,7 +131,7 @@ def level_firsts(splats: int) -> I64:
 
 
 def binary_tree(firsts: I64, scene: Prepared, sizes: F32, errors: F32) -> Hierarchy:
-    """Return the tree of which each block is a node: block j of a level stands for 2 j and 2 j + 1 of the finer one.
+    """Return the tree whose nodes are blocks: block j of a level stands for 2 j and 2 j + 1 of the finer one.
 
     Parameters
     ----------

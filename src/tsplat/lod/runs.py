@@ -125,8 +125,7 @@ TINY = 1e-30
 def lost(coarse: F64, fine: F64) -> F64:
     """Return what a picture loses by runs in place of finer ones; see `Summary.masses`.
 
-    It is how far they are from covering as much, and as densely. Of what was tried that comes nearest to what is lost
-    by merging, without a look at any two splats together: docs/levels-of-detail.md.
+    It is how far they are from covering as much and as densely; docs/levels-of-detail.md says what else was tried.
     """
     difference: F64 = np.abs(coarse - fine).sum(axis=1)
     return difference

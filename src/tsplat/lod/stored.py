@@ -70,6 +70,9 @@ class Stored:
         """Whether all of it can be drawn, not only the coarser levels."""
         return True
 
+    def read_rest(self, progress: Callable[[float], None] = lambda _: None) -> None:
+        """Do nothing: all of it is there."""
+
     def let_go(self) -> None:
         """Hold neither what was read so far nor what frames share: the next one is slower, the process small."""
         assert self.mapped

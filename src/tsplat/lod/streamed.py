@@ -1,4 +1,4 @@
-"""A streamed SOG with the levels that it has: a leaf on one level is a node, the same one level finer its child."""
+"""A streamed SOG with the levels that it has: a leaf on one level is a node, on the next finer one its child."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tsplat.lod.streamed_reader import Reader
 from tsplat.processors import available_processors
 from tsplat.raster.prepare import BLOCK
 
-SPARE_BLOCKS, LEAST_FILLED = 1024, 0.25
+SPARE_BLOCKS, LEAST_FILLED = 256, 0.25
 """Blocks that may be as empty as they like, and what share of all others must be splats: a leaf on one level takes
 whole blocks, however few splats it has, and how many leaves there are is a stranger's choice."""
 
@@ -42,7 +42,7 @@ class Streamed(Stored):
         """Do nothing: what is drawn was read for good."""
 
     def read_rest(self, progress: Callable[[float], None] = lambda _: None) -> None:
-        """Read what is not in memory yet; meanwhile other threads may draw what is.
+        """Read what is not in memory yet, without a warning; meanwhile other threads may draw what is.
 
         Raises
         ------
@@ -51,20 +51,19 @@ class Streamed(Stored):
         """
         with self.reader.lock:
             # One thread: those of the frames are not waited for, nor kept waiting.
-            _read(self.reader, 1, lambda: False, progress)
+            share = _share(self.reader, progress)
+            while self.reader.left:
+                self.reader.read_next(1, share, warn=False)
+            progress(1.0)
 
 
-def open_streamed(
-    path: str | Path, *, whole: bool = True, progress: Callable[[float], None] = lambda _: None
-) -> Streamed:
+def open_streamed(path: str | Path, progress: Callable[[float], None] = lambda _: None) -> Streamed:
     """Open a lod-meta.json with the levels of detail that it has.
 
     Parameters
     ----------
     path : str or Path
-        The files that it names are beside it.
-    whole : bool
-        Read all levels; else only files with the coarsest level of a leaf, see `Streamed.read_rest`.
+        The files that it names are beside it; or its URL.
     progress : callable
         Called with the fraction done.
 
@@ -84,8 +83,16 @@ def open_streamed(
         levels = open_levels(local)
         if is_scattered(levels):
             raise LoadError(local, "has leaves of hardly any splats; load one level of it")
-        reader = Reader(levels)
-        _read(reader, available_processors(), lambda: reader.has_roots and not whole, reading)
+        return read_levels(levels, whole=True, progress=reading)
+
+
+def read_levels(levels: Levels, *, whole: bool, progress: Callable[[float], None]) -> Streamed:
+    """Read a streamed scene: the ``whole`` of it, or only those files with the coarsest level of a leaf."""
+    reader = Reader(levels)
+    share = _share(reader, progress)
+    while reader.left and (whole or not reader.has_roots):
+        reader.read_next(available_processors(), share, warn=True)
+    progress(1.0)
     return Streamed(reader.tree, reader.sample(), reader.splats, levels.antialiased, None, reader)
 
 
@@ -96,13 +103,7 @@ def is_scattered(levels: Levels) -> bool:
     return int(counts.sum()) < LEAST_FILLED * BLOCK * (blocks - SPARE_BLOCKS)
 
 
-def _read(reader: Reader, threads: int, enough: Callable[[], bool], progress: Callable[[float], None]) -> None:
+def _share(reader: Reader, progress: Callable[[float], None]) -> Callable[[float], None]:
+    """Return what hears how much of a file was read, and says how much that is of all that is left now."""
     files = len(reader.left)
-    while reader.left and not enough():
-        done = files - len(reader.left)
-
-        def share(fraction: float, done: int = done) -> None:
-            progress((done + fraction) / files)
-
-        reader.read_next(threads, share)
-    progress(1.0)
+    return lambda fraction: progress((files - len(reader.left) + fraction) / files)

@@ -71,8 +71,8 @@ class Reader:
         """Whether the coarsest level of every leaf was read."""
         return not self.left or bool(self._below[self.left[-1]])
 
-    def read_next(self, threads: int, progress: Callable[[float], None]) -> None:
-        """Read a file."""
+    def read_next(self, threads: int, progress: Callable[[float], None], *, warn: bool) -> None:
+        """Read a file; ``warn`` of splats that were left out."""
         number = self.left[-1]
         splats, ends = self._levels.read(number, progress)
         nodes = np.arange(self._firsts[number], self._firsts[number + 1])
@@ -80,13 +80,15 @@ class Reader:
         self._sample(splats, ends, nodes)
         self._publish(splats, ends, nodes)
         self.left.pop()
-        file = self._levels.files[number]
-        warn_dropped(file.path, file.kept - int(ends[-1]), file.kept, stacklevel=4)
+        if warn:
+            file = self._levels.files[number]
+            warn_dropped(file.path, file.kept - int(ends[-1]), file.kept, stacklevel=5)
 
     def sample(self) -> Gaussians:
         """Return some splats of the coarsest levels, without harmonics; see `Stored`."""
         samples, self._samples = self._samples, []
-        return Gaussians(*(np.concatenate(arrays) for arrays in zip(*samples, strict=True)))
+        means, quats, scales, opacities, sh = (np.concatenate(arrays) for arrays in zip(*samples, strict=True))
+        return Gaussians(means, quats, scales, opacities, sh)
 
     def _sample(self, splats: Arrays, ends: I64, nodes: I32) -> None:
         roots = np.flatnonzero(self._coarser[nodes] == NONE)
