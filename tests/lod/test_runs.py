@@ -47,6 +47,8 @@ def test_a_run_is_packed_as_a_scene_of_its_own(
         own = slice(int(first) * BLOCK, int(last) * BLOCK)
         if not len(part):
             assert (scene.log2_opacities[own] <= -126).all()
+            middle = scene.bounds.reshape(len(scene.blocks), -1)[first, :3]
+            np.testing.assert_allclose(middle, splats.means[-1], 1e-6)
             continue
         alone = prepared(part, 1)
         np.testing.assert_array_equal(scene.log2_opacities[own], alone.log2_opacities)

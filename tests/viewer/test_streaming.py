@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -47,16 +48,17 @@ def painter(scene: Gaussians | Streamed, budget: int = BUDGET) -> Painter:
 
 @pytest.mark.parametrize("budget", [0, BUDGET])
 def test_until_the_finest_level_is_read_what_is_there_is_drawn(
-    streamed: Streamed, budget: int, path: Path
+    streamed: Streamed, path: Path, budget: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    made = painter(streamed, budget)
+    made, drawn, read = painter(streamed, budget), threading.Event(), Detail._read
+    monkeypatch.setattr(Detail, "_read", lambda detail, scene: drawn.wait(60.0) and read(detail, scene))
     made.warm_up(STATE)
-    with streamed.reader.lock:  # nothing is read meanwhile
-        first = made.draw(STATE)
-        assert not first.exact
-        assert 0 < first.visible <= len(load(path, lod=2))
-        assert made.detail_status(first) == "reading levels 0 %"
-        assert made.read == 0.0
+    first = made.draw(STATE)
+    assert not first.exact
+    assert 0 < first.visible <= len(load(path, lod=2))
+    assert made.detail_status(first) == "reading levels 0 %"
+    assert made.read == 0.0
+    drawn.set()
     made.detail._thread.join(60.0)
     assert made.read == 1.0
     then = made.draw(STATE)
