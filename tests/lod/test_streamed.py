@@ -233,6 +233,24 @@ def test_splats_that_cannot_be_drawn_are_left_out_with_a_warning(unbounded: Path
         assert np.isfinite(rasterize_within(found, CAMERA, OPTIONS, budget).colors).all()
 
 
+def test_splats_as_large_as_numbers_go_are_drawn_without_a_warning(tmp_path: Path) -> None:
+    rng = np.random.default_rng(4)
+    for name in ("a.sog", "b.sog"):
+        scene = made_up(rng, 7)
+        scene.meta["scales"]["codebook"] = [80.0 + step for step in range(16)]
+        scene.meta["means"] |= {"mins": [-88.0] * 3, "maxs": [88.0] * 3}
+        (tmp_path / name).write_bytes(scene.zipped())
+    runs = {str(level): {"file": level, "offset": 0, "count": 7} for level in range(2)}
+    path = write_meta(tmp_path, ["a.sog", "b.sog"], 2, [{"lods": runs}])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        warnings.simplefilter("ignore", LoadWarning)
+        found = open_streamed(path)
+        for budget in (1, 10, 100):
+            rasterize_within(found, CAMERA, OPTIONS, budget)
+    assert np.isinf(found.tree.errors).any()
+
+
 def test_reading_beside_the_frames_warns_nobody(unbounded: Path) -> None:
     begun = coarsest(unbounded)
     with warnings.catch_warnings():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import pytest
 from tests.lod.streams import write_stream
 from tests.scenes import random_gaussians
 from tests.viewer.states import a_state
-from tsplat import options
+from tsplat import cli, options
 from tsplat._jit import JIT
 from tsplat.errors import CorruptFileError
 from tsplat.io import load
@@ -100,6 +101,15 @@ def test_where_one_level_is_asked_for_that_is_loaded(path: Path) -> None:
     ):
         assert isinstance(asked, Gaussians)
         assert len(asked) == N
+
+
+def test_the_viewer_takes_all_levels_unless_one_is_asked_for(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[object] = []
+    monkeypatch.setattr("tsplat.viewer.view", lambda scene, *_, **__: seen.append(type(scene)))
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
+    for options_said in ((), ("--lod", "0"), ("--max-splats", str(N))):
+        assert cli.main([str(path), *options_said]) == 0
+    assert seen == [Streamed, Gaussians, Gaussians]
 
 
 def test_a_scene_of_tiny_leaves_is_loaded_as_one_level(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

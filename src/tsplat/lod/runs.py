@@ -107,9 +107,8 @@ def summarize(splats: Arrays, ends: I64) -> Summary:
         reduced[~some] = nothing
         return reduced
 
-    with np.errstate(over="ignore"):
-        variances = splats.scales.astype(np.float64) ** 2
-        areas = np.sqrt((variances * np.roll(variances, 1, axis=1)).sum(axis=1) / 3.0)
+    variances = splats.scales.astype(np.float64) ** 2
+    areas = np.sqrt((variances * np.roll(variances, 1, axis=1)).sum(axis=1) / 3.0)
     masses = splats.opacities * areas
     sums = np.stack([over_runs(np.add, each, 0.0) for each in (masses, splats.opacities * masses)], axis=1)
     sizes = np.sqrt(over_runs(np.add, masses * areas, 0.0) / np.maximum(sums[:, 0], TINY))

@@ -101,7 +101,7 @@ class Reader:
     def _publish(self, splats: Arrays, ends: I64, nodes: I32) -> None:
         """Let frames draw what was packed."""
         summary, tree = summarize(splats, ends), self.tree
-        with tree.scene.lock:
+        with tree.scene.lock, np.errstate(over="ignore", invalid="ignore"):  # of sizes that no trained scene has
             tree.sizes[nodes], self._masses[nodes] = summary.sizes, summary.masses
             self._widen(nodes, summary.boxes, summary.largest)
             for coarse in (nodes, self._coarser[nodes]):
@@ -115,10 +115,9 @@ class Reader:
             low, high = np.minimum(low, boxes[:, :3]), np.maximum(high, boxes[:, 3:])
             self._boxes[nodes, :3], self._boxes[nodes, 3:] = low, high
             some = low[:, 0] <= high[:, 0]
-            with np.errstate(over="ignore", invalid="ignore"):
-                half = 0.5 * (high - low)
-                bounds[nodes[some], :3] = (low + half)[some]
-                bounds[nodes[some], 3] = np.sqrt((half**2).sum(axis=1))[some]
+            half = 0.5 * (high - low)
+            bounds[nodes[some], :3] = (low + half)[some]
+            bounds[nodes[some], 3] = np.sqrt((half**2).sum(axis=1))[some]
             bounds[nodes, 4] = np.maximum(bounds[nodes, 4], largest)
             coarser = self._coarser[nodes]
             up = coarser != NONE
