@@ -45,6 +45,7 @@ class Cut:
     def __init__(self, tree: Hierarchy) -> None:
         nodes = len(tree.splats)
         self._tree = tree
+        self._filled = (tree.splats / np.maximum(np.diff(tree.blocks), 1)).astype(np.float32)
         self._apart = np.zeros(nodes, np.uint8)
         self._queue = np.empty(nodes + 2, np.uint64)
         self._chosen = np.empty(int(tree.blocks[-1]), np.int32)
@@ -66,7 +67,7 @@ class Cut:
             roots=tree.roots,
             children=tree.children,
             blocks=tree.blocks,
-            splats=tree.splats,
+            filled=self._filled,
             block_bounds=tree.scene.bounds,
             bounds=tree.bounds,
             sizes=tree.sizes,
@@ -82,12 +83,16 @@ class Cut:
 
 
 class _Job(NamedTuple):
-    """What `_choose` works on; ``apart`` marks the nodes that were taken apart when they were last in sight."""
+    """What `_choose` works on.
+
+    Of each node, ``filled`` is how many splats its blocks have on average; ``apart`` marks those that were taken
+    apart when they were last in sight.
+    """
 
     roots: I32
     children: I32
     blocks: I32
-    splats: F32
+    filled: F32
     block_bounds: F32
     bounds: F32
     sizes: F32
@@ -136,11 +141,10 @@ def _choose(job, chosen):
 @part
 def _splats_in_sight(node, job):
     """Return about how many splats of a node are in the image, block by block: it may be half of the scene."""
-    first, last = job.blocks[node], job.blocks[node + 1]
     shares = np.float32(0.0)
-    for block in range(first, last):
+    for block in range(job.blocks[node], job.blocks[node + 1]):
         shares += share_in_sight(block, job.numbers, job.block_bounds)
-    return shares * job.splats[node] / max(last - first, 1)
+    return shares * job.filled[node]
 
 
 @part
