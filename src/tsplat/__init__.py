@@ -29,12 +29,14 @@ def render(scene: Gaussians | Stored, camera: Camera, *, lod: bool | int = False
     Parameters
     ----------
     scene : Gaussians or Stored
-        What to draw: in memory, or a .tsplat on disk, from `tsplat.lod.open_stored`.
+        What to draw: in memory, a .tsplat on disk, from `tsplat.lod.open_stored`, or a streamed SOG with its own
+        levels of detail, from `tsplat.lod.open_streamed`.
     camera : Camera
         From where, and how large.
     lod : bool or int
         Draw about so many splats, merged where that shows least; True means 2.5 for each pixel, False all.
-        Levels of detail are built on the first such call, in seconds for millions of splats, and kept.
+        Levels of detail that a scene does not have are built on the first such call, in seconds for millions of
+        splats, and kept.
     **options
         Fields of `RenderOptions`: sh_degree, antialias, background, threads, ... Without ``antialias`` a scene
         trained with antialiasing is drawn with ``mip``, others with ``classic``.

@@ -25,7 +25,7 @@ from tsplat.encode import ENCODERS, FALLBACK_CELL, PICTURES
 from tsplat.errors import LoadWarning, OptionError, TsplatError
 from tsplat.info.command import info
 from tsplat.optimize.command import optimize
-from tsplat.options import READING, open_scene, reading, render_options, shared
+from tsplat.options import READING, open_scene, reading, render_options, shared, was_said
 from tsplat.progress import wait_for_kernels
 from tsplat.record.command import record
 from tsplat.warmup import WarmUp
@@ -97,15 +97,17 @@ def command() -> None:
 @click.option("--width", type=click.IntRange(1, 1000), metavar="COLUMNS",
               help="Columns of a printed picture. [COLUMNS, else 80]")  # fmt: skip
 @click.option("--height", type=click.IntRange(1, 1000), metavar="ROWS", help="Rows of a printed picture.")
-def view(scene: str, output: str | None, up: Vector | None, fov_y: float, latency: float, budget: int | None,
-         dither: bool, width: int | None, height: int | None, **options: Any) -> None:  # fmt: skip
+@click.pass_context
+def view(context: click.RichContext, /, scene: str, output: str | None, up: Vector | None, fov_y: float,
+         latency: float, budget: int | None, dither: bool, width: int | None, height: int | None,
+         **options: Any) -> None:  # fmt: skip
     """Open SCENE, or the demo, in the viewer: the default command; print one picture when piped."""
     printing = not sys.stdout.isatty()
     if printing and output in PICTURES:
         raise OptionError(f"--output {output} needs a terminal; a printed picture is text, half for example")
     warm_up = WarmUp()
     how = reading(options)
-    gaussians = open_scene(scene, how, warm_up)
+    gaussians = open_scene(scene, how, warm_up, levels=not printing and not was_said("lod", context))
     chosen = render_options(scene, gaussians, options)
     if printing:
         wait_for_kernels(warm_up)

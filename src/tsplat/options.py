@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import rich_click as click
+from click.core import ParameterSource
 
 from tsplat.arguments import BACKGROUND, LEVEL, UP, scene_source
 from tsplat.files import tidy_end
@@ -46,7 +47,8 @@ def shared(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
                                   help="Axes of an SPZ: right, up, back as specified; rdf where its writer kept "
                                   "those of a PLY, and the scene is upside down. [rub]"),
         "lod": click.option("--lod", type=LEVEL, default="0", metavar="N|all",
-                            help="Level of detail of a streamed scene, 0 the finest, or all of them. [0]"),
+                            help="Level of detail of a streamed scene, 0 the finest, or all of them. "
+                            "[view: all, one at a time; else 0]"),
         "fov-y": click.option("--fov-y", type=click.FloatRange(0, 180, True, True), default=FOV_Y,
                               show_default=True, metavar="DEGREES", help="Vertical field of view."),
         "train-focal": click.option("--train-focal", type=click.FloatRange(0, min_open=True), metavar="PIXELS",
@@ -75,17 +77,46 @@ def load_scene(scene: str, how: dict[str, Any], warm_up: WarmUp | None = None) -
         return gaussians
 
 
-def open_scene(scene: str, how: dict[str, Any], warm_up: WarmUp | None = None) -> Gaussians | Stored:
-    """Return the scene a person named, to be drawn: a .tsplat stays on disk where nothing asks for all of it."""
+def open_scene(
+    scene: str, how: dict[str, Any], warm_up: WarmUp | None = None, *, levels: bool = False
+) -> Gaussians | Stored:
+    """Return the scene a person named, to be drawn: a .tsplat stays on disk where nothing asks for all of it.
+
+    Where all its ``levels`` are of use, a streamed one comes with them, the coarsest first.
+    """
+    from tsplat.io.sog_levels import is_streamed_file
     from tsplat.io.sources import is_elsewhere
     from tsplat.io.tsplat_map import is_tsplat
 
     source = scene_source(scene)
-    if how["max_splats"] is None and not how["lod"] and not is_elsewhere(source) and is_tsplat(Path(source)):
-        from tsplat.lod import open_stored
+    if how["max_splats"] is None and not how["lod"] and not is_elsewhere(source):
+        path = Path(source)
+        if is_tsplat(path):
+            from tsplat.lod import open_stored
 
-        return open_stored(Path(source))
+            return open_stored(path)
+        if levels and how["lod"] == 0 and is_streamed_file(path) and (streamed := _open_levels(path, warm_up)):
+            return streamed
     return load_scene(scene, how, warm_up)
+
+
+def _open_levels(path: Path, warm_up: WarmUp | None) -> Stored | None:
+    from tsplat.io.sog_levels import open_levels
+    from tsplat.io.sources import local_file
+    from tsplat.lod import is_scattered, read_levels
+
+    with (
+        tidy_end(),
+        loading(path.name, warm_up) as bar,
+        local_file(path, None, bar, bar.fetched) as (local, progress),
+    ):
+        found = open_levels(local)
+        return None if is_scattered(found) else read_levels(found, whole=False, progress=progress)
+
+
+def was_said(option: str, context: click.Context) -> bool:
+    """Tell whether the person gave an option, if only its default."""
+    return context.get_parameter_source(option) is not ParameterSource.DEFAULT
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -16,6 +17,7 @@ from tests.scenes import shared_scenes
 from tsplat import io
 from tsplat.errors import CorruptFileError, LoadError, OptionError, TsplatError
 from tsplat.io import sog
+from tsplat.io.sog_levels import open_levels
 
 
 def lods(**runs: tuple[int, int, int]) -> dict[str, Any]:
@@ -179,6 +181,8 @@ def test_a_tree_that_lies_is_refused_in_one_line(folder: Path, tree: dict[str, A
         io.load(write_tree(folder, tree))
     assert str(caught.value).isprintable()
     assert len(str(caught.value)) < 300 + len(str(folder))
+    with pytest.raises(CorruptFileError, match=message.replace("35 splats in level 0", "38 splats in any level")):
+        open_levels(folder / "lod-meta.json")
 
 
 def test_splats_that_no_bytes_pay_for_are_counted_over_all_files(
@@ -224,8 +228,36 @@ def test_mutated_trees_load_or_say_what_is_wrong(folder: Path, rng: np.random.Ge
             io.load(path)
         except TsplatError as error:
             messages.append(str(error))
+        with contextlib.suppress(TsplatError):
+            levels = open_levels(path)
+            assert sorted(run for leaf in levels.leaves for run in leaf) == list(
+                range(sum(map(len, levels.counts)))
+            )
+            for number, file in enumerate(levels.files):
+                assert levels.read(number)[1][-1] <= file.kept
     assert len(messages) > 100
     assert not any("\n" in message for message in messages)
+
+
+def test_a_splat_of_two_levels_is_refused_only_where_both_are_read(folder: Path, tree: dict[str, Any]) -> None:
+    changed(tree, 0, "1", file=0, offset=2, count=3)
+    path = write_tree(folder, tree)
+    assert len(io.load(path)) == 11
+    with pytest.raises(CorruptFileError, match=r"uses splat 2 of 'a/meta\.json' twice"):
+        open_levels(path)
+
+
+def test_levels_are_the_runs_of_the_files_leaf_by_leaf(folder: Path, tree: dict[str, Any]) -> None:
+    levels = open_levels(write_tree(folder, {**tree, "environment": "sky.sog"}))
+    assert [file.path.name for file in levels.files] == ["meta.json", "meta.json", "c.sog", "sky.sog"]
+    assert [counts.tolist() for counts in levels.counts] == [[3], [2, 1, 3], [4, 1], [5]]
+    # The leaf of the finer level only, the two that are children of one, the one of both, and the sky.
+    assert sorted(levels.leaves) == [[1, 0], [2, 4], [3], [5], [6]]
+    splats, ends = levels.read(2)
+    assert ends.tolist() == [0, 4, 5]
+    np.testing.assert_array_equal(splats.means[:5], means(folder, ("c.sog", [1, 2, 3, 4, 6])))
+    assert (len(splats.means), levels.coefficients) == (6, 9)
+    assert splats.opacities[5] == 0.0
 
 
 SCENES = shared_scenes()

@@ -36,14 +36,15 @@ def tree(scene: Gaussians) -> Hierarchy:
     return hierarchy(scene, 2)
 
 
-def finest_under(tree: Hierarchy, block: int) -> list[int]:
+def finest_under(block: int) -> list[int]:
     """Return the blocks of the finest level that a block stands for."""
-    level = int(np.searchsorted(tree.firsts, block, side="right")) - 1
+    firsts = level_firsts(N)
+    level = int(np.searchsorted(firsts, block, side="right")) - 1
     if level == 0:
         return [block]
-    first = int(tree.firsts[level - 1]) + 2 * (block - int(tree.firsts[level]))
-    last = min(first + 2, int(tree.firsts[level]))
-    return [leaf for child in range(first, last) for leaf in finest_under(tree, child)]
+    first = int(firsts[level - 1]) + 2 * (block - int(firsts[level]))
+    last = min(first + 2, int(firsts[level]))
+    return [leaf for child in range(first, last) for leaf in finest_under(child)]
 
 
 @pytest.mark.parametrize(("splats", "counts"), [(1, [1]), (BLOCK, [1]), (5 * BLOCK - 1, [5, 3, 2, 1])])
@@ -55,8 +56,8 @@ def test_bounds_hold_all_that_a_block_stands_for(tree: Hierarchy) -> None:
     bounds = tree.scene.bounds.reshape(-1, 5)
     means = tree.scene.means.reshape(3, -1, BLOCK)
     opaque = tree.scene.log2_opacities.reshape(-1, BLOCK) > -200
-    for block in range(int(tree.firsts[-1])):
-        for leaf in [block, *finest_under(tree, block)]:
+    for block in range(int(level_firsts(N)[-1])):
+        for leaf in [block, *finest_under(block)]:
             apart = np.linalg.norm(means[:, leaf, opaque[leaf]].T - bounds[block, :3], axis=1)
             assert apart.max() <= bounds[block, 3] * (1 + 1e-5) + 1e-6
             assert bounds[leaf, 4] <= bounds[block, 4]
@@ -66,8 +67,8 @@ def test_bounds_hold_all_that_a_block_stands_for(tree: Hierarchy) -> None:
 def test_a_cut_keeps_the_budget_and_stands_for_every_splat_once(tree: Hierarchy, budget: int) -> None:
     blocks = Cut(tree).blocks(CAMERA, OPTIONS, budget)
     assert rasterize_blocks(tree.scene, blocks, CAMERA, OPTIONS).visible <= max(BLOCK, 1.1 * budget)
-    leaves = [leaf for block in blocks.tolist() for leaf in finest_under(tree, block)]
-    assert sorted(leaves) == list(range(int(tree.firsts[1])))
+    leaves = [leaf for block in blocks.tolist() for leaf in finest_under(block)]
+    assert sorted(leaves) == tree.finest.tolist()
 
 
 def test_what_is_out_of_sight_gets_nothing(tree: Hierarchy) -> None:
@@ -81,7 +82,7 @@ def test_what_is_out_of_sight_gets_nothing(tree: Hierarchy) -> None:
 def test_a_near_corner_is_finer_than_a_far_one(tree: Hierarchy) -> None:
     near = Camera.look_at((-0.9, 0, -0.9), (0.5, 0, 0.5), (0, -1, 0), width=64, height=48, fov_y=60.0)
     blocks = Cut(tree).blocks(near, OPTIONS, 6 * BLOCK)
-    sizes = np.array([len(finest_under(tree, block)) for block in blocks.tolist()])
+    sizes = np.array([len(finest_under(block)) for block in blocks.tolist()])
     centers = tree.scene.bounds.reshape(-1, 5)[blocks, :3]
     distances = np.linalg.norm(centers - near.eye, axis=1)
     assert distances[sizes == sizes.min()].mean() < distances[sizes == sizes.max()].mean()

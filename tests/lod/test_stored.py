@@ -113,7 +113,7 @@ def test_the_start_view_of_more_splats_than_are_sampled_is_the_same(tmp_path: Pa
 
 def test_the_levels_are_those_that_are_built(on_disk: Stored, scene: Gaussians) -> None:
     built = hierarchy(scene, 2)
-    np.testing.assert_array_equal(on_disk.tree.firsts, built.firsts)
+    np.testing.assert_array_equal(on_disk.tree.children, built.children)
     np.testing.assert_array_equal(on_disk.tree.errors, built.errors)
     np.testing.assert_array_equal(on_disk.tree.solidities, built.solidities)
     np.testing.assert_array_equal(on_disk.tree.scene.covars, built.scene.covars)

@@ -18,7 +18,7 @@ from tsplat.rendering import RenderOptions
 from tsplat.terminal.keys import Answered, Event, Key, Mouse, Resize, TerminalSize
 from tsplat.terminal.pacing import FULL, Pacer
 from tsplat.terminal.probe import Profile
-from tsplat.viewer.loop import REST_SECONDS, Viewer
+from tsplat.viewer.loop import READING_SECONDS, REST_SECONDS, Viewer
 from tsplat.viewer.picture import Drawn, Painter
 from tsplat.viewer.spans import Span, painted
 from tsplat.viewer.state import ViewerState
@@ -82,6 +82,7 @@ class FakePainter(Painter):
     profile = FakeTerminal.profile
     left_behind = b""
     merges = False
+    read = 1.0
 
     def __init__(self) -> None:
         self.encoder = None
@@ -405,3 +406,29 @@ def test_a_scene_on_disk_shows_merged_before_it_is_whole(tmp_path: Path, on_disk
     painter = MergingPainter()
     Viewer(FakeTerminal(), painter, a_state(on_disk=on_disk), "tsplat-x", tmp_path).run()
     assert painter.exact == exact
+
+
+class ReadingPainter(FakePainter):
+    """Has a third more of its scene each time it is looked at between two waits, and merges until it has all."""
+
+    terminal: FakeTerminal
+
+    @property
+    def read(self) -> float:  # type: ignore[override]
+        return min(1.0, len(self.terminal.waits) / 3)
+
+    @property
+    def merges(self) -> bool:  # type: ignore[override]
+        return self.read < 1.0
+
+    def draw(self, state: ViewerState, density: float = 1.0, *, exact: bool = True) -> Drawn:
+        return super().draw(state, density, exact=exact and self.read == 1.0)
+
+
+def test_a_scene_that_is_read_meanwhile_is_drawn_again_until_all_of_it_is_there(tmp_path: Path) -> None:
+    terminal, painter = FakeTerminal(), ReadingPainter()
+    painter.terminal = terminal
+    Viewer(terminal, painter, a_state(on_disk=True), "tsplat-x", tmp_path).run()
+    assert painter.exact[:3] == [False] * 3
+    assert painter.exact[3:] == [True]
+    assert [wait for wait in terminal.waits if wait > 1 / 60] == [READING_SECONDS] * 3 + [REST_SECONDS]

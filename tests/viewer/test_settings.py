@@ -70,7 +70,7 @@ def test_a_scene_without_higher_bands_says_so() -> None:
 
 
 @pytest.mark.parametrize("by", [-1, 1])
-@pytest.mark.parametrize(("label", "shown"), [("splats kept", "1,000 (on disk)"), ("opacity", "as stored")])
+@pytest.mark.parametrize(("label", "shown"), [("splats kept", "1,000 (as stored)"), ("opacity", "as stored")])
 def test_what_a_scene_on_disk_has_no_variants_of_does_not_step(label: str, shown: str, by: int) -> None:
     state = a_state(on_disk=True, row=ROWS.index(label))
     assert SETTINGS[state.row].show(state) == shown

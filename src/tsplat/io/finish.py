@@ -60,7 +60,7 @@ def finish(
     )
     count = len(means)
     if good is None:
-        good = _mend_all(arrays)
+        good = mend_all(arrays)
     kept = int(np.count_nonzero(good))
     warn_dropped(path, count - kept, count, stacklevel=5)
     if max_splats is not None and max_splats < kept:
@@ -84,6 +84,17 @@ def warn_dropped(path: Path, dropped: int, count: int, stacklevel: int) -> None:
     if dropped:
         problem = f"dropped {dropped} of {count} splats: nan, inf or a zero quat"
         warnings.warn(f"{path}: {problem}", LoadWarning, stacklevel=stacklevel)
+
+
+def mend_all(arrays: Arrays) -> Mask:
+    """Do what `mend` does, on several threads."""
+    good = np.empty(len(arrays.means), np.bool_)
+
+    def mend_chunk(rows: slice) -> None:
+        good[rows] = mend(arrays.part(rows))
+
+    on_threads(mend_chunk, chunks(len(good)))
+    return good
 
 
 def mend(arrays: Arrays) -> Mask:

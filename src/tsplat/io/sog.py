@@ -48,9 +48,7 @@ def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) ->
         It is no zip or JSON of a scene, or its planes contradict it.
     """
     scenes = _find_scenes(path, options.lod)
-    if (unpaid := sum(scene.unpaid for scene in scenes)) > SPARE_PIXELS:
-        problem = f"its scenes have {unpaid} splats more than their means hold, expected at most {SPARE_PIXELS}"
-        raise CorruptFileError(path, f"{problem}; fetch it again")
+    check_paid(path, scenes)
     k = max(scene.k for scene in scenes)
     arrays = Arrays.empty(sum(scene.kept for scene in scenes), k)
     done = 0
@@ -59,8 +57,7 @@ def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) ->
         def share(fraction: float, number: int = number) -> None:
             progress((number + fraction) / len(scenes))
 
-        with _open(scene.path) as files:
-            read_splats(files, scene.meta, scene.wanted, arrays.part(slice(done, done + scene.kept)), share)
+        read_scene(scene, arrays.part(slice(done, done + scene.kept)), share)
         done += scene.kept
     antialiased = all(scene.meta.antialiased for scene in scenes)
     gaussians = finish(path, *arrays, max_splats=options.max_splats, antialiased=antialiased)
@@ -68,7 +65,7 @@ def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) ->
     return gaussians
 
 
-class _Scene(NamedTuple):
+class Scene(NamedTuple):
     """One meta.json, how many coefficients its colours have, which splats are wanted, and `check_count`."""
 
     path: Path
@@ -83,11 +80,24 @@ class _Scene(NamedTuple):
         return self.meta.count if self.wanted is None else int(np.count_nonzero(self.wanted))
 
 
-def _find_scenes(path: Path, level: int | None) -> list[_Scene]:
+def check_paid(path: Path, scenes: list[Scene]) -> None:
+    """Refuse scenes that have far more splats than so many bytes hold; see `check_count`."""
+    if (unpaid := sum(scene.unpaid for scene in scenes)) > SPARE_PIXELS:
+        problem = f"its scenes have {unpaid} splats more than their means hold, expected at most {SPARE_PIXELS}"
+        raise CorruptFileError(path, f"{problem}; fetch it again")
+
+
+def read_scene(scene: Scene, out: Arrays, progress: Callable[[float], None]) -> None:
+    """Read the wanted splats of a scene; see `read_splats`."""
+    with _open(scene.path) as files:
+        read_splats(files, scene.meta, scene.wanted, out, progress)
+
+
+def _find_scenes(path: Path, level: int | None) -> list[Scene]:
     if not _begins_as_zip(path):
         fields = read_fields(Folder(path), path.name)
         if is_streamed(fields):
-            return [_find_piece(path.parent, fields, piece) for piece in pieces_of_level(fields, level)]
+            return [find_piece(path.parent, fields, piece) for piece in pieces_of_level(fields, level)]
         if not fields.has("means"):
             problem = "is JSON, but neither a meta.json nor a lod-meta.json of a SOG scene; choose another file"
             raise LoadError(path, problem)
@@ -96,7 +106,14 @@ def _find_scenes(path: Path, level: int | None) -> list[_Scene]:
     return [_find_scene(path, None)]
 
 
-def _find_piece(folder: Path, fields: Fields, piece: Piece) -> _Scene:
+def find_piece(folder: Path, fields: Fields, piece: Piece) -> Scene:
+    """Return a file of a streamed scene, of which nothing but the header was read.
+
+    Raises
+    ------
+    CorruptFileError
+        It is missing, broken, or too short for what is wanted of it.
+    """
     path = folder / piece.name
     if not path.is_file():
         raise fields.corrupt(f"names {piece.name!a}, which is missing, expected a file beside it; fetch it")
@@ -106,7 +123,7 @@ def _find_piece(folder: Path, fields: Fields, piece: Piece) -> _Scene:
     return scene
 
 
-def _find_scene(path: Path, runs: list[Run] | None) -> _Scene:
+def _find_scene(path: Path, runs: list[Run] | None) -> Scene:
     with _open(path) as files:
         zipped = isinstance(files, Archive)
         meta = parse_meta(read_fields(files, META_NAME, META_BYTES) if zipped else read_fields(files, path.name))
@@ -117,7 +134,7 @@ def _find_scene(path: Path, runs: list[Run] | None) -> _Scene:
         wanted = np.zeros(meta.count, np.bool_)
         for offset, count in runs:
             wanted[offset : offset + count] = True
-    return _Scene(path, meta, k, None if wanted is None or wanted.all() else wanted, unpaid)
+    return Scene(path, meta, k, None if wanted is None or wanted.all() else wanted, unpaid)
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""Which blocks to draw: a budget of splats is spent where merging shows most on screen.
+"""Which blocks to draw: a budget of splats is spent where coarser ones show most on screen.
 
 Source: Luebke and Erikson 1997, *View-dependent simplification of arbitrary polygonal environments*, for a
 queue that spends a budget.
@@ -29,7 +29,7 @@ FULLY_SEEN = np.float32(2.0)
 """Pixels. What changes among smaller splats is blurred by the pixels, with the fourth power of the size."""
 
 KEPT_APART = 1.3
-"""How much more a block counts that was taken apart in the last frame: nothing flickers between two levels."""
+"""How much more a node counts that was taken apart in the last frame: nothing flickers between two levels."""
 
 AS_IF_SEEN = 0.5
 """Share of the budget that is spent as if no block hid another: large ones hardly tell what is before what."""
@@ -45,12 +45,14 @@ class Cut:
     """
 
     def __init__(self, tree: Hierarchy) -> None:
-        blocks = int(tree.firsts[-1])
+        nodes = len(tree.splats)
         self._tree = tree
-        self._apart = np.zeros(blocks, np.uint8)
-        self._queue = np.empty(blocks + 2, np.uint64)
-        self._chosen = np.empty(blocks, np.int32)
-        self._light = np.empty(blocks, np.float32)
+        self._filled = (tree.splats / np.maximum(np.diff(tree.blocks), 1)).astype(np.float32)
+        self._apart = np.zeros(nodes, np.uint8)
+        self._queue = np.empty(nodes + 2, np.uint64)
+        self._nodes = np.empty(nodes, np.int32)
+        self._chosen = np.empty(int(tree.blocks[-1]), np.int32)
+        self._light = np.empty(nodes, np.float32)
         self._remaining = np.empty(CELLS * CELLS, np.float32)
 
     def blocks(self, camera: Camera, options: RenderOptions, budget: int) -> I32:
@@ -63,27 +65,45 @@ class Cut:
         options : RenderOptions
             How.
         budget : int
-            About so many splats in sight, though never less than one block.
+            About so many splats in sight, though never less than one block, nor less than the coarsest nodes.
         """
         tree = self._tree
-        most = max(1, budget // BLOCK)
-        focal = math.sqrt(float(camera.K[0, 0] * camera.K[1, 1]))
-        numbers = camera_numbers(camera, options)
         job = _Job(
-            tree.firsts, tree.scene.bounds, tree.sizes, tree.errors, tree.solidities, numbers, focal, most,
-            self._apart, self._queue, self._light, self._remaining,
-        )  # fmt: skip
-        return np.sort(self._chosen[: _choose(job, self._chosen)])
+            roots=tree.roots,
+            children=tree.children,
+            blocks=tree.blocks,
+            filled=self._filled,
+            block_bounds=tree.scene.bounds,
+            bounds=tree.bounds,
+            sizes=tree.sizes,
+            errors=tree.errors,
+            solidities=tree.solidities,
+            numbers=camera_numbers(camera, options),
+            focal=math.sqrt(float(camera.K[0, 0] * camera.K[1, 1])),
+            most=max(BLOCK, budget),
+            apart=self._apart,
+            queue=self._queue,
+            nodes=self._nodes,
+            light=self._light,
+            remaining=self._remaining,
+        )
+        with tree.scene.lock:  # what is being read may join the tree at any other time
+            return np.sort(self._chosen[: _choose(job, self._chosen)])
 
 
 class _Job(NamedTuple):
     """What `_choose` works on.
 
-    ``apart`` marks the blocks that were taken apart when they were last in sight. `fill_light` fills ``light`` and
-    ``remaining``; ``queue`` has room for every block.
+    Of each node, ``filled`` is how many splats its blocks have on average; ``apart`` marks those that were taken
+    apart when they were last in sight; ``nodes`` are those that are chosen, and those that wait, behind them.
+    `fill_light` fills ``light`` and ``remaining``; ``queue`` has room for every node.
     """
 
-    firsts: npt.NDArray[np.int64]
+    roots: I32
+    children: I32
+    blocks: I32
+    filled: F32
+    block_bounds: F32
     bounds: F32
     sizes: F32
     errors: F32
@@ -93,81 +113,91 @@ class _Job(NamedTuple):
     most: int
     apart: npt.NDArray[np.uint8]
     queue: npt.NDArray[np.uint64]
+    nodes: I32
     light: F32
     remaining: F32
 
 
 @kernel
 def _choose(job, chosen):
-    """Fill ``chosen`` and return how many blocks it is; those that lose most are taken apart first.
+    """Fill ``chosen`` and return how many blocks it is; the nodes that lose most are taken apart first.
 
     First as if none hid another; then it is seen which do, for what is hidden loses little.
     """
-    root = job.firsts[-1] - 1
-    if not in_sight(root, job.numbers, job.bounds):
-        return 0
-    job.light[root] = np.float32(1.0)
-    waiting = push(job.queue, 0, _key(root, job))
-    spent = share_in_sight(root, job.numbers, job.bounds)
-    count, waiting, spent = _spend(job, AS_IF_SEEN * job.most, chosen, 0, waiting, spent)
+    waiting, spent = 0, np.float32(0.0)
+    for number in range(len(job.roots)):
+        root = np.int64(job.roots[number])
+        job.light[root] = np.float32(1.0)
+        if in_sight(root, job.numbers, job.bounds):
+            waiting = push(job.queue, waiting, _key(root, job))
+            spent += _splats_in_sight(root, job)
+    count, waiting, spent = _spend(job, AS_IF_SEEN * job.most, 0, waiting, spent)
     for i in range(waiting):
-        chosen[count + i] = block_of(job.queue[i])
-    fill_light(chosen, count + waiting, job)
+        job.nodes[count + i] = block_of(job.queue[i])
+    fill_light(job.nodes, count + waiting, job)
     for i in range(waiting):
-        push(job.queue, i, _key(np.int64(chosen[count + i]), job))
-    count, _, _ = _spend(job, np.inf, chosen, count, waiting, spent)
-    return count
+        push(job.queue, i, _key(np.int64(job.nodes[count + i]), job))
+    count, _, _ = _spend(job, np.inf, count, waiting, spent)
+    return _fill_blocks(job, count, chosen)
 
 
 @part
-def _spend(job, until, chosen, count, waiting, spent):
-    """Take blocks apart until so many are spent or none waits; return how many are chosen, wait, and are spent.
+def _spend(job, until, count, waiting, spent):
+    """Take nodes apart until so many are spent or none waits; return how many are chosen, wait, and are spent.
 
-    Of a block half out of sight, half counts.
+    Of a node half out of sight, half counts.
     """
     while waiting > 0 and spent < until:
-        block = block_of(job.queue[0])
+        node = block_of(job.queue[0])
         waiting = drop_first(job.queue, waiting)
-        child, last = _children(block, job.firsts)
-        after = spent - share_in_sight(block, job.numbers, job.bounds)
+        child, last = np.int64(job.children[node, 0]), np.int64(job.children[node, 1])
+        after = spent - _splats_in_sight(node, job)
         for other in range(child, last):
             if in_sight(other, job.numbers, job.bounds):
-                after += share_in_sight(other, job.numbers, job.bounds)
+                after += _splats_in_sight(other, job)
         if child == last or (after > spent and after > job.most):
-            chosen[count], job.apart[block] = block, 0
+            job.nodes[count], job.apart[node] = node, 0
             count += 1
             continue
-        job.apart[block], spent = 1, after
+        job.apart[node], spent = 1, after
         for other in range(child, last):
-            job.light[other] = job.light[block]
+            job.light[other] = job.light[node]
             if in_sight(other, job.numbers, job.bounds):
                 waiting = push(job.queue, waiting, _key(other, job))
     return count, waiting, spent
 
 
 @part
-def _key(block, job):
-    """Return what a picture loses by a block not taken apart, and the block, for the queue."""
-    at = block * BOUNDS
+def _fill_blocks(job, count, chosen):
+    blocks = 0
+    for i in range(count):
+        node = np.int64(job.nodes[i])
+        for block in range(job.blocks[node], job.blocks[node + 1]):
+            chosen[blocks] = block
+            blocks += 1
+    return blocks
+
+
+@part
+def _splats_in_sight(node, job):
+    """Return about how many splats of a node are in the image, block by block: it may be half of the scene."""
+    shares = np.float32(0.0)
+    for block in range(job.blocks[node], job.blocks[node + 1]):
+        shares += share_in_sight(block, job.numbers, job.block_bounds)
+    return shares * job.filled[node]
+
+
+@part
+def _key(node, job):
+    """Return what a picture loses by a node not taken apart, and the node, for the queue."""
+    at = node * BOUNDS
     squared = np.float32(0.0)
     for axis in range(3):
         squared += (job.bounds[at + axis] - job.numbers[28 + axis]) ** 2
     distance = max(math.sqrt(squared) - job.bounds[at + 3], job.numbers[22])
     scale = np.float32(job.focal) / distance
-    share = min(np.float32(1.0), scale * job.sizes[block] / FULLY_SEEN)
-    seen = job.light[block] * job.errors[block] * scale * scale * share**4
-    if job.apart[block]:
+    share = min(np.float32(1.0), scale * job.sizes[node] / FULLY_SEEN)
+    seen = job.light[node] * job.errors[node] * scale * scale * share**4
+    if job.apart[node]:
         seen *= np.float32(KEPT_APART)
-    return key_of(seen, block)
-
-
-@part
-def _children(block, firsts):
-    """Return the first block that this one stands for, and the one after the last; the same for the finest."""
-    level = 0
-    while block >= firsts[level + 1]:
-        level += 1
-    if level == 0:
-        return block, block
-    child = firsts[level - 1] + 2 * (block - firsts[level])
-    return child, min(child + 2, firsts[level])
+    return key_of(seen, node)

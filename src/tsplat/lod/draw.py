@@ -20,6 +20,7 @@ LEAST_BUDGET, LARGEST_BUDGET = 20_000, 500_000
 def rasterize_all(scene: Gaussians | Stored, camera: Camera, options: RenderOptions) -> Rendering:
     """Draw every splat of a scene, in memory or on disk; see `tsplat.raster.rasterize`."""
     if isinstance(scene, Stored):
+        scene.read_rest()
         return rasterize_blocks(scene.tree.scene, scene.finest, camera, options)
     return rasterize(scene, camera, options)
 
@@ -33,6 +34,7 @@ def rasterize_within(
     ----------
     scene : Gaussians or Stored
         What to draw; levels of detail that are not stored are built on the first call, and kept with the scene.
+        Of a streamed one that is being read, what is there is drawn.
     camera : Camera
         From where, and how large.
     options : RenderOptions
@@ -47,7 +49,7 @@ def rasterize_within(
     Rendering
         As `tsplat.raster.rasterize` returns it.
     """
-    if len(scene) <= budget:
+    if len(scene) <= budget and (isinstance(scene, Gaussians) or scene.complete):
         return rasterize_all(scene, camera, options)
     tree = scene.tree if isinstance(scene, Stored) else hierarchy(scene, options.worker_count)
     blocks = (cut or Cut(tree)).blocks(camera, options, budget)

@@ -1,4 +1,4 @@
-"""All levels of detail of a scene, ready to be drawn: a tree of blocks, each in place of two finer ones."""
+"""All levels of detail of a scene, ready to be drawn: a tree of nodes, each in place of finer ones."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from tsplat.raster.workers import on_threads
 from tsplat.scene import Gaussians
 
 F32 = npt.NDArray[np.float32]
+I32 = npt.NDArray[np.int32]
 I64 = npt.NDArray[np.int64]
 
 ORDER_SHARE = 0.15
@@ -31,24 +32,40 @@ ORDER_SHARE = 0.15
 
 @dataclass(eq=False, slots=True)
 class Hierarchy:
-    """A tree of blocks of splats; block j of a level stands for blocks 2 j and 2 j + 1 of the one before.
+    """A tree of which every node is a run of blocks of splats that stand for those of its children.
 
     Attributes
     ----------
     scene : Prepared
-        The blocks of all levels, the finest level first. The bounds of a block hold those it stands for, too.
-    firsts : ndarray of int64, [levels + 1]
-        The first block of each level, and how many there are.
-    sizes : ndarray of float32, [blocks]
-        Typical size of a block's splats: the root of the area of one, in world units.
-    errors : ndarray of float32, [blocks]
-        What a picture loses by a block in place of those it stands for: squared opacity times square world units.
-    solidities : ndarray of float32, [blocks]
-        How much light a block takes away from what is behind it, 0 to 1, see `tsplat.lod.occlusion`.
+        The blocks of all levels.
+    finest : ndarray of int32, [F]
+        The blocks that are the scene itself, in its order.
+    roots : ndarray of int32, [R]
+        Nodes that are nobody's children; together they stand for the whole scene.
+    children : ndarray of int32, [nodes, 2]
+        The first child of each node, and the one after the last; the same for none.
+    blocks : ndarray of int32, [nodes + 1]
+        The first block of each node, and how many blocks there are.
+    splats : ndarray of float32, [nodes]
+        How many splats each node counts for.
+    bounds : ndarray of float32, [nodes * 5]
+        As in `Prepared`, of each node and all that it stands for.
+    sizes : ndarray of float32, [nodes]
+        Typical size of a node's splats: the root of the area of one, in world units.
+    errors : ndarray of float32, [nodes]
+        What a picture loses by a node in place of its children, for each block that these are more: squared
+        opacity times square world units.
+    solidities : ndarray of float32, [nodes]
+        How much light a node takes away from what is behind it, 0 to 1, see `tsplat.lod.occlusion`.
     """
 
     scene: Prepared
-    firsts: I64
+    finest: I32
+    roots: I32
+    children: I32
+    blocks: I32
+    splats: F32
+    bounds: F32
     sizes: F32
     errors: F32
     solidities: F32
@@ -91,7 +108,8 @@ def build(
     """Build the hierarchy of a scene, see `hierarchy`; ``order`` is its `kd_order` where that is known."""
     firsts = level_firsts(len(gaussians))
     blocks = int(firsts[-1])
-    tree = Hierarchy(empty(blocks, gaussians.sh.shape[1] - 1), firsts, *np.empty((3, blocks), np.float32))
+    scene = empty(blocks, gaussians.sh.shape[1] - 1)
+    tree = binary_tree(firsts, scene, *np.empty((3, blocks), np.float32))
     boxes = np.empty((blocks, 6), np.float32)
     order = kd_order(gaussians.means, threads) if order is None else order
     level = finest(gaussians, order, threads)
@@ -118,6 +136,37 @@ def level_firsts(splats: int) -> I64:
     while counts[-1] > 1:
         counts.append(-(-counts[-1] // 2))
     return np.cumsum([0, *counts])
+
+
+def binary_tree(firsts: I64, scene: Prepared, sizes: F32, errors: F32, solidities: F32) -> Hierarchy:
+    """Return the tree whose nodes are blocks: block j of a level stands for 2 j and 2 j + 1 of the finer one.
+
+    Parameters
+    ----------
+    firsts : ndarray of int64, [levels + 1]
+        See `level_firsts`.
+    scene : Prepared
+        The blocks, the finest level first. The bounds of each are or become those of what it stands for, too.
+    sizes, errors, solidities : ndarray of float32, [blocks]
+        As in `Hierarchy`.
+    """
+    blocks = int(firsts[-1])
+    children = np.zeros((blocks, 2), np.int32)
+    for finer, first, last in zip(firsts, firsts[1:], firsts[2:], strict=False):
+        children[first:last, 0] = np.arange(finer, first, 2)
+        children[first:last, 1] = np.minimum(children[first:last, 0] + 2, first)
+    return Hierarchy(
+        scene=scene,
+        finest=scene.blocks[: firsts[1]],
+        roots=scene.blocks[-1:],
+        children=children,
+        blocks=np.arange(blocks + 1, dtype=np.int32),
+        splats=np.full(blocks, BLOCK, np.float32),
+        bounds=scene.bounds,
+        sizes=sizes,
+        errors=errors,
+        solidities=solidities,
+    )
 
 
 class _PackJob(NamedTuple):

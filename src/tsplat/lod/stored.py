@@ -15,7 +15,7 @@ from tsplat.framing import SAMPLE
 from tsplat.io import tsplat_file
 from tsplat.io.tsplat_header import Counts
 from tsplat.io.tsplat_map import Array, Mapped, open_mapped
-from tsplat.lod.hierarchy import Hierarchy, build, level_firsts
+from tsplat.lod.hierarchy import Hierarchy, binary_tree, build, level_firsts
 from tsplat.lod.kd import Order, kd_order
 from tsplat.raster.buffers import Buffers
 from tsplat.raster.prepare import Prepared
@@ -30,27 +30,27 @@ BUILDING = 0.9
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Stored:
-    """An open .tsplat file.
+    """A scene with the levels of detail that its file has: an open .tsplat, or see `tsplat.lod.streamed`.
 
     Attributes
     ----------
     tree : Hierarchy
-        All levels, in memory that is read from the file when it is looked at.
+        All levels; those of a .tsplat in memory that is read from the file when it is looked at.
     sample : Gaussians
         Some splats without harmonics: enough to say where the scene is and which way is up in it.
     splats : int
         In the scene.
     antialiased : bool
         As in `Gaussians`.
-    mapped : Mapped
-        The file.
+    mapped : Mapped, optional
+        The .tsplat.
     """
 
     tree: Hierarchy
     sample: Gaussians
     splats: int
     antialiased: bool
-    mapped: Mapped
+    mapped: Mapped | None
 
     def __len__(self) -> int:
         return self.splats
@@ -62,11 +62,20 @@ class Stored:
 
     @property
     def finest(self) -> npt.NDArray[np.int32]:
-        """The blocks of the finest level, which are the scene itself."""
-        return self.tree.scene.blocks[: self.tree.firsts[1]]
+        """The blocks that are the scene itself."""
+        return self.tree.finest
+
+    @property
+    def complete(self) -> bool:
+        """Whether all of it can be drawn, not only the coarser levels."""
+        return True
+
+    def read_rest(self, progress: Callable[[float], None] = lambda _: None) -> None:
+        """Do nothing: all of it is there."""
 
     def let_go(self) -> None:
         """Hold neither what was read so far nor what frames share: the next one is slower, the process small."""
+        assert self.mapped
         scene = self.tree.scene
         with scene.lock:
             scene.buffers, scene.last_frame, scene.last_size = Buffers(), None, ()
@@ -116,7 +125,7 @@ def tree_of(mapped: Mapped) -> Hierarchy:
         bounds=arrays["bounds"],
         blocks=np.arange(counts.blocks, dtype=np.int32),
     )
-    return Hierarchy(scene, firsts, arrays["sizes"], arrays["errors"], arrays["solidities"])
+    return binary_tree(firsts, scene, arrays["sizes"], arrays["errors"], arrays["solidities"])
 
 
 def store(file: BinaryIO, gaussians: Gaussians, threads: int, progress: Callable[[float], None]) -> None:

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Protocol
 
 from tsplat.decode import make_ready
-from tsplat.errors import SaveError, TerminalError
+from tsplat.errors import TerminalError, TsplatError
 from tsplat.terminal import outputs
 from tsplat.terminal.keys import Answered, Event, Resize
 from tsplat.terminal.pacing import DEAF_SECONDS, FULL, STALL_SECONDS, Pacer, Quality
@@ -30,6 +30,9 @@ from tsplat.warmup import WarmUp
 
 FRAME_SECONDS = 1.0 / 60.0
 REST_SECONDS = 3600.0
+READING_SECONDS = 0.1
+"""Between looks at how much of a scene was read meanwhile."""
+
 SETTLE_SECONDS = 0.3
 """Some terminals drop pictures that come while they are busy with a new size: then it is drawn once more."""
 
@@ -56,13 +59,17 @@ class Terminal(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Screen:
-    """What was written last: the seen part of the state, its text, the picture's way there, and how good it is."""
+    """What was written last: the seen part of the state, its text, the picture's way there, and how good it is.
+
+    And how much of the scene was read before.
+    """
 
     seen: tuple[object, ...]
     spans: list[Span]
     drawn: Drawn
     picture: ViewerState
     quality: Quality
+    read: float
 
 
 class Viewer:
@@ -142,13 +149,17 @@ class Viewer:
         """Send what is due; return how many seconds there is nothing to send, 0 when something was sent."""
         if self.settled is not None and now >= self.settled:
             self.settled, self.state = None, replace(self.state, screens=self.state.screens + 1)
-        unfinished = self.screen is not None and self.screen.quality != FULL and not self.state.moving
+        reading = self.painter.read < 1.0
+        coarse = self.screen is not None and self.screen.quality != FULL
+        unfinished = coarse and not reading and not self.state.moving
         if not self.changed and not unfinished:
             self.rested |= not self.state.moving
             if self.state.moving:
                 return FRAME_SECONDS
             if self.settled is not None:
                 return self.settled - now
+            if reading:
+                return READING_SECONDS
             return STALL_SECONDS if self.pacer.waiting and self.pacer.due(now) else REST_SECONDS
         due = max(self.next_frame, self.pacer.due(now))
         if due > now:
@@ -164,8 +175,9 @@ class Viewer:
 
     @property
     def changed(self) -> bool:
-        """Whether the screen no longer shows the state."""
-        return self.screen is None or self.screen.seen != _seen(self.state)
+        """Whether the screen no longer shows the state, or not all that was read of the scene."""
+        screen = self.screen
+        return screen is None or screen.seen != _seen(self.state) or screen.read != self.painter.read
 
     def take(self, events: list[Event]) -> None:
         """Obey events; do what a state can only ask for."""
@@ -198,7 +210,7 @@ class Viewer:
         """Save the view and say where, or why not."""
         try:
             path = self.painter.save(self.state, free_path(self.folder, self.name))
-        except SaveError as error:
+        except TsplatError as error:
             text = str(error)
         else:
             text = f"saved {path.name} in {path.parent}"
@@ -206,7 +218,7 @@ class Viewer:
 
     def show(self, start: float) -> None:
         """Draw the state as well as the link allows: one write, the picture first and the text above it."""
-        state, screen = self.state, self.screen
+        state, screen, read = self.state, self.screen, self.painter.read
         # A scene on disk shows at once, merged, and is read while that is looked at.
         exact = not state.moving and (screen is not None or not state.on_disk)
         quality = replace(self.pacer.quality, exact=exact)
@@ -230,7 +242,7 @@ class Viewer:
         else:
             self.intervals.append(start - self.last_start)
         self.last_start, self.rested = start, False
-        self.screen = Screen(_seen(state), spans, drawn, picture(state), quality)
+        self.screen = Screen(_seen(state), spans, drawn, picture(state), quality, read)
 
     def refine(self) -> None:
         """Send the next piece of the whole picture."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -92,13 +93,18 @@ class Painter:
         scene = self.scenes.variant(state.kept, state.raw_opacity)
         camera = view_camera(state, *size)
         # Asked for an exact frame as well: levels are best begun with the first.
-        exact = not self.detail.helps(scene, camera) or exact
+        exact = not self.detail.helps(scene, camera) or (exact and self.detail.complete)
         if exact:
             rendering = self.render(state, *size)
         else:
             rendering = self.detail.draw(camera, replace(state.options, depths=False))
         frame = images.quantize(saturated(rendering.colors, state.saturation))
         return Drawn(frame, rendering.visible, rendering.stage_ms, density, exact)
+
+    @property
+    def read(self) -> float:
+        """How much of the scene was read, in tenths; 1 where there is no more to come."""
+        return math.floor(10.0 * self.detail.done) / 10.0 if self.detail.reading else 1.0
 
     def detail_status(self, drawn: Drawn) -> str:
         """Return what there is to say of the splats of a frame, often nothing."""

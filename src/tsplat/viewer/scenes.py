@@ -54,7 +54,7 @@ class SceneVariants:
 
 
 class OnDisk:
-    """A scene that stays on disk, as it is whatever the settings are.
+    """A scene that is drawn as its file has it, whatever the settings are.
 
     Parameters
     ----------

@@ -108,7 +108,7 @@ def _step_alpha(state: ViewerState, by: int) -> ViewerState:
 
 def _show_kept(state: ViewerState) -> str:
     if state.on_disk:
-        return f"{state.kept:,} (on disk)"
+        return f"{state.kept:,} (as stored)"
     percent = 100.0 * state.kept / max(1, state.total)
     return f"{state.kept:,} ({percent:.0f} %)" if percent >= 1.0 else f"{state.kept:,} (< 1 %)"
 

@@ -100,7 +100,7 @@ class ViewerState:
     total, kept : int
         Splats loaded, and how many of them are drawn from, the weightiest first.
     on_disk : bool
-        Whether the scene stays on disk, so that ``kept`` and ``raw_opacity`` are what they are.
+        Whether the scene is drawn as its file has it, so that ``kept`` and ``raw_opacity`` are what they are.
     raw_opacity : bool
         Whether the file's opacities are taken as they stand, not through the sigmoid.
     scene_degree : int
