@@ -18,7 +18,7 @@ from tsplat.raster import record as col
 from tsplat.raster import tile as channel
 from tsplat.raster.cells import CELL, CELLS, GRID, TILE, cells_touched
 from tsplat.raster.frame import BLENDS, NEXT_TILE
-from tsplat.raster.tile import CELL_SIZE, TILE_SIZE, clear, write
+from tsplat.raster.tile import CELL_SIZE, TILE_SIZE, clear, write, write_background
 from tsplat.rendering import ALPHA_MAX, TRANSMITTANCE_MIN
 
 LANE_X = (np.arange(8) % CELL).astype(np.float32)
@@ -27,8 +27,8 @@ LANE_Y = (np.arange(8) // CELL).astype(np.float32)
 
 NOBODY = BATCH * col.LENGTH
 
-AHEAD = 16
-"""Records asked for before they are used: about what the first-level cache can wait for at once."""
+AHEAD = 48
+"""Records asked for before they are used: those of the next batch come while one is blended."""
 
 
 @part
@@ -47,8 +47,11 @@ def composite(worker, frame):
             frame.results[worker, BLENDS] = blends
             return meet(frame.team, frame.workers)
         left, top = t % frame.tile_columns * TILE, t // frame.tile_columns * TILE
-        live = clear(tile, frame.image.width - left, frame.image.height - top)
         next_, end = (isect_ends[t - 1] if t > 0 else 0), isect_ends[t]
+        if next_ == end:
+            write_background(tile, left, top, frame.image, depths)
+            continue
+        live = clear(tile, frame.image.width - left, frame.image.height - top)
         while next_ < end and live != 0:
             next_ = _fill_batch(frame.isect_ids, next_, end, frame.records, left, top, live, batch, touched)
             for cell in range(CELLS):
