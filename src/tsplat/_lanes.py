@@ -176,6 +176,17 @@ def _exp2(typingctx: Any, x: Any) -> Any:
 
 
 @device
+def _eighth_power(typingctx: Any, x: Any) -> Any:
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        power = args[0]
+        for _ in range(3):
+            power = builder.fmul(power, power)
+        return power
+
+    return float8(float8), codegen
+
+
+@device
 def _sqrt(typingctx: Any, x: Any) -> Any:
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return _call(builder, f"llvm.sqrt.v{LANES}f32", _VECTOR, list(args))
@@ -253,7 +264,15 @@ def exp2(x: Any) -> Any:
     return (power.view(np.int32) + (shifted.view(np.int32) << 23)).view(np.float32)
 
 
+@_compiled_as(_eighth_power)
+def eighth_power(x: Any) -> Any:
+    """``x**8``; infinity where that is too large."""
+    with np.errstate(over="ignore"):
+        return x**8
+
+
 @_compiled_as(_sqrt)
 def sqrt(x: Any) -> Any:
     """Square roots; nan below zero."""
-    return np.sqrt(x)
+    with np.errstate(invalid="ignore"):
+        return np.sqrt(x)

@@ -19,6 +19,7 @@ from tsplat.camera import Camera
 from tsplat.raster import record, reference
 from tsplat.raster.bin import bin_tiles
 from tsplat.raster.cells import CELL, GRID, TILE, cells_touched
+from tsplat.raster.falloff import OFFSET, SCALE
 from tsplat.raster.frame import Frame, new_frame
 from tsplat.raster.prepare import BLOCK, prepared
 from tsplat.raster.project import project
@@ -100,8 +101,8 @@ def test_projected_records_are_those_of_the_reference_in_the_order_of_the_file()
     assert (np.diff(ids) > 0).all()
     np.testing.assert_allclose(records[:, [record.X, record.Y]] + 0.5, means2d[ids], atol=1e-4)
     np.testing.assert_allclose(records[:, record.DEPTH], depths[ids], rtol=1e-6)
-    np.testing.assert_allclose(2.0 ** records[:, record.LOG2_OPACITY], opacities[ids], rtol=1e-4)
-    folded = conics[ids] * (-0.5 * np.log2(np.e))
+    np.testing.assert_allclose(2.0 ** ((records[:, record.PEAK] - OFFSET) / SCALE), opacities[ids], rtol=1e-4)
+    folded = conics[ids] * (-0.5 * np.log2(np.e) * SCALE)
     np.testing.assert_allclose(records[:, record.CONIC_A], folded[:, 0, 0], rtol=2e-4, atol=1e-6)
     np.testing.assert_allclose(records[:, record.CONIC_B], 2 * folded[:, 0, 1], rtol=2e-4, atol=1e-5)
     np.testing.assert_allclose(records[:, record.CONIC_C], folded[:, 1, 1], rtol=2e-4, atol=1e-6)

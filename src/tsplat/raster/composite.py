@@ -11,12 +11,13 @@ import numpy as np
 
 from tsplat._bits import BATCH, count, having, lanes_at_least, lowest, others
 from tsplat._jit import part
-from tsplat._lanes import exp2, fma, load, maximum, minimum, minus_abs, splat, store, where_above, where_at_least
+from tsplat._lanes import fma, load, maximum, minimum, minus_abs, splat, store, where_above, where_at_least
 from tsplat._moves import prefetch
 from tsplat._threads import claim, meet
 from tsplat.raster import record as col
 from tsplat.raster import tile as channel
 from tsplat.raster.cells import CELL, CELLS, GRID, TILE, cells_touched
+from tsplat.raster.falloff import alpha_of
 from tsplat.raster.frame import BLENDS, NEXT_TILE
 from tsplat.raster.tile import CELL_SIZE, TILE_SIZE, clear, write, write_background
 from tsplat.rendering import ALPHA_MAX, TRANSMITTANCE_MIN
@@ -39,7 +40,7 @@ def composite(worker, frame):
     isect_ends = frame.tile_cursors[frame.workers - 1]
     # Behind the last member, one that is never seen completes the threes.
     batch[NOBODY : NOBODY + col.LENGTH] = 0.0
-    batch[NOBODY + col.LOG2_CUT] = np.inf
+    batch[NOBODY + col.CUT] = np.inf
     blends = 0
     while True:
         t = claim(frame.team, NEXT_TILE)
@@ -116,14 +117,14 @@ def _alphas(batch, member, x, y):
     """Return the alphas of a member of the batch in the upper and the lower eight pixels of a cell."""
     dx, dy = _value(batch, member + col.X) - x, _value(batch, member + col.Y) - y
     b_dx, c = _value(batch, member + col.CONIC_B) * dx, _value(batch, member + col.CONIC_C)
-    a_dx2 = fma(_value(batch, member + col.CONIC_A) * dx, dx, _value(batch, member + col.LOG2_OPACITY))
+    a_dx2 = fma(_value(batch, member + col.CONIC_A) * dx, dx, _value(batch, member + col.PEAK))
     upper = fma(fma(c, dy, b_dx), dy, a_dx2)
     dy = dy - splat(np.float32(2.0))
     lower = fma(fma(c, dy, b_dx), dy, a_dx2)
-    cut, most = _value(batch, member + col.LOG2_CUT), splat(np.float32(ALPHA_MAX))
+    cut, most = _value(batch, member + col.CUT), splat(np.float32(ALPHA_MAX))
     return (
-        where_at_least(upper, cut, minimum(exp2(upper), most)),
-        where_at_least(lower, cut, minimum(exp2(lower), most)),
+        where_at_least(upper, cut, minimum(alpha_of(upper), most)),
+        where_at_least(lower, cut, minimum(alpha_of(lower), most)),
     )
 
 

@@ -16,6 +16,7 @@ from tsplat._moves import store_past_caches, store_transposed
 from tsplat._threads import claim, meet
 from tsplat.raster import record as col
 from tsplat.raster.cells import TILE
+from tsplat.raster.falloff import OFFSET, SCALE
 from tsplat.raster.frame import NEXT_BLOCK
 from tsplat.raster.prepare import BLOCK
 from tsplat.raster.sh import color_eight
@@ -124,8 +125,9 @@ def _project_covars(start, numbers, covars, scratch):
 
 @part
 def _fill_opacities(start, log2_opacities, scratch):
+    """Fill PEAK, still the logarithm of the opacity."""
     for j in range(BLOCK):
-        scratch[np.uint64(col.LOG2_OPACITY) * STRIDE + np.uint64(j)] = log2_opacities[np.uint64(start + j)]
+        scratch[np.uint64(col.PEAK) * STRIDE + np.uint64(j)] = log2_opacities[np.uint64(start + j)]
 
 
 @part
@@ -137,7 +139,7 @@ def _compensate_opacities(numbers, scratch):
         a, b = scratch[np.uint64(A) * STRIDE + k], scratch[np.uint64(B) * STRIDE + k]
         d = scratch[np.uint64(D) * STRIDE + k]
         share = ((a + reference) * (d + reference) - b * b) / ((a + added) * (d + added) - b * b)
-        scratch[np.uint64(col.LOG2_OPACITY) * STRIDE + k] += half * _log2(max(share, np.float32(1e-12)))
+        scratch[np.uint64(col.PEAK) * STRIDE + k] += half * _log2(max(share, np.float32(1e-12)))
 
 
 @part
@@ -145,21 +147,24 @@ def _shape_splats(numbers, scratch):
     """Widen the 2D covariance, and fill all that follows from it and the opacity alone."""
     added, log2_alpha_min, squared_extent = numbers[20], numbers[24], numbers[25]
     one, two_ln2, fold = np.float32(1.0), np.float32(2.0 / LOG2_E), np.float32(-0.5 * LOG2_E)
+    scale, offset = np.float32(SCALE), np.float32(OFFSET)
     for j in range(BLOCK):
         k = np.uint64(j)
         a, b = scratch[np.uint64(A) * STRIDE + k] + added, scratch[np.uint64(B) * STRIDE + k]
         d = scratch[np.uint64(D) * STRIDE + k] + added
         determinant = a * d - b * b
         inverse, inverse_d = one / determinant, one / d
-        log2_opacity = scratch[np.uint64(col.LOG2_OPACITY) * STRIDE + k]
+        log2_opacity = scratch[np.uint64(col.PEAK) * STRIDE + k]
         squared_radius = min(two_ln2 * (log2_opacity - log2_alpha_min), squared_extent)
-        variance = determinant * inverse_d
+        log2_cut = max(log2_alpha_min, log2_opacity + fold * squared_extent)
+        variance, conic = determinant * inverse_d, scale * fold * inverse
         scratch[np.uint64(A) * STRIDE + k], scratch[np.uint64(D) * STRIDE + k] = a, d
         scratch[np.uint64(SQUARED_RADIUS) * STRIDE + k] = squared_radius
-        scratch[np.uint64(col.CONIC_A) * STRIDE + k] = fold * d * inverse
-        scratch[np.uint64(col.CONIC_B) * STRIDE + k] = -(fold + fold) * b * inverse
-        scratch[np.uint64(col.CONIC_C) * STRIDE + k] = fold * a * inverse
-        scratch[np.uint64(col.LOG2_CUT) * STRIDE + k] = max(log2_alpha_min, log2_opacity + fold * squared_extent)
+        scratch[np.uint64(col.CONIC_A) * STRIDE + k] = conic * d
+        scratch[np.uint64(col.CONIC_B) * STRIDE + k] = -(conic + conic) * b
+        scratch[np.uint64(col.CONIC_C) * STRIDE + k] = conic * a
+        scratch[np.uint64(col.PEAK) * STRIDE + k] = scale * log2_opacity + offset
+        scratch[np.uint64(col.CUT) * STRIDE + k] = scale * log2_cut + offset
         scratch[np.uint64(col.SLOPE) * STRIDE + k] = b * inverse_d
         scratch[np.uint64(col.HALF_WIDTH2) * STRIDE + k] = variance * squared_radius
         scratch[np.uint64(col.NARROWING) * STRIDE + k] = variance * inverse_d
