@@ -18,9 +18,8 @@ BATCH = 64
 """Members of the largest set: the bits of a uint64."""
 
 _BYTE, _SHORT, _LONG = ir.IntType(8), ir.IntType(16), ir.IntType(64)
-_MASKS = ir.VectorType(_SHORT, BATCH)
-_FOUR = ir.VectorType(_INT, 4)
-_LIFT = 8
+_SETS, _EIGHT_SETS = ir.VectorType(_SHORT, BATCH), ir.VectorType(_SHORT, LANES)
+_BYTES = ir.VectorType(_BYTE, BATCH)
 
 
 @device
@@ -56,37 +55,40 @@ def _lanes_at_least(typingctx: Any, x: Any, limit: Any) -> Any:
 
 
 @device
-def _having(typingctx: Any, masks: Any, bit: Any) -> Any:
+def _transpose_sets(typingctx: Any, sets: Any, found: Any) -> Any:
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        pointer = context.make_array(sig.args[0])(context, builder, args[0]).data
-        loaded = builder.load(builder.bitcast(pointer, _MASKS.as_pointer()), align=2)
-        one = builder.trunc(builder.shl(ir.Constant(_LONG, 1), args[1]), _SHORT)
-        wanted = builder.insert_element(ir.Constant(_MASKS, ir.Undefined), one, ir.Constant(_INT, 0))
-        everywhere = ir.Constant(ir.VectorType(_INT, BATCH), [0] * BATCH)
-        wanted = builder.shuffle_vector(wanted, ir.Constant(_MASKS, ir.Undefined), everywhere)
-        found = builder.icmp_unsigned("!=", builder.and_(loaded, wanted), ir.Constant(_MASKS, [0] * BATCH))
-        return builder.bitcast(found, _LONG)
+        source, target = (context.make_array(sig.args[k])(context, builder, args[k]).data for k in range(2))
+        loaded = builder.load(builder.bitcast(source, _SETS.as_pointer()), align=2)
+        upper = builder.trunc(builder.lshr(loaded, ir.Constant(_SETS, [8] * BATCH)), _BYTES)
+        for half, first in ((builder.trunc(loaded, _BYTES), 0), (upper, 8)):
+            for member in range(first + 7, first - 1, -1):
+                # The highest bit is the sign, and signs are gathered by one instruction.
+                negative = builder.icmp_signed("<", half, ir.Constant(_BYTES, [0] * BATCH))
+                builder.store(
+                    builder.bitcast(negative, _LONG), builder.gep(target, [ir.Constant(_LONG, member)])
+                )
+                half = builder.add(half, half)
+        return context.get_dummy_value()
 
-    return types.uint64(masks, types.int64), codegen
+    return types.void(sets, found), codegen
 
 
 @device
-def _spans(typingctx: Any, ends: Any) -> Any:
+def _add_spans(typingctx: Any, sets: Any, at: Any, row: Any, before: Any, after: Any) -> Any:
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        # Rounding towards zero is rounding down for what is positive.
-        positive = builder.fadd(args[0], ir.Constant(args[0].type, [float(_LIFT)] * LANES))
-        whole = builder.sub(builder.fptosi(positive, _INT_VECTOR), ir.Constant(_INT_VECTOR, [_LIFT] * LANES))
-        last, minus_first = (
-            builder.shuffle_vector(whole, whole, ir.Constant(_FOUR, list(lanes)))
-            for lanes in (range(4), range(4, LANES))
-        )
-        ones = ir.Constant(_FOUR, [15] * 4)
-        up_to_last = builder.lshr(ones, builder.sub(ir.Constant(_FOUR, [3] * 4), last))
-        from_first = builder.shl(ones, builder.sub(ir.Constant(_FOUR, [0] * 4), minus_first))
-        rows = builder.shl(builder.and_(up_to_last, from_first), ir.Constant(_FOUR, [0, 4, 8, 12]))
-        return builder.zext(_call(builder, "llvm.vector.reduce.or.v4i32", _INT, [rows]), _LONG)
+        pointer = context.make_array(sig.args[0])(context, builder, args[0]).data
+        pointer = builder.bitcast(builder.gep(pointer, [args[1]]), _EIGHT_SETS.as_pointer())
+        before, after = (builder.fptosi(count, _INT_VECTOR) for count in args[3:])
+        ones = ir.Constant(_INT_VECTOR, [15] * LANES)
+        span = builder.trunc(builder.and_(builder.shl(ones, before), builder.lshr(ones, after)), _EIGHT_SETS)
+        shift = builder.trunc(builder.mul(args[2], ir.Constant(_LONG, 4)), _SHORT)
+        shift = builder.insert_element(ir.Constant(_EIGHT_SETS, ir.Undefined), shift, ir.Constant(_INT, 0))
+        shift = builder.shuffle_vector(shift, shift, ir.Constant(_INT_VECTOR, [0] * LANES))
+        sets = builder.or_(builder.load(pointer, align=2), builder.shl(span, shift))
+        builder.store(sets, pointer, align=2)
+        return context.get_dummy_value()
 
-    return types.int64(float8), codegen
+    return types.void(sets, types.int64, types.int64, float8, float8), codegen
 
 
 @_compiled_as(_lowest)
@@ -113,20 +115,19 @@ def lanes_at_least(x: Any, limit: Any) -> Any:
     return sum(1 << lane for lane in range(LANES) if x[lane] >= limit[lane])
 
 
-@_compiled_as(_having)
-def having(masks: Any, bit: Any) -> Any:
-    """Which of the 64 sets of a uint16 array have the member ``bit``, 0 to 15, as a uint64."""
-    return np.uint64(sum(1 << i for i in range(BATCH) if int(masks[i]) >> bit & 1))
+@_compiled_as(_transpose_sets)
+def transpose_sets(sets: Any, found: Any) -> None:
+    """Write into ``found``, 16 uint64, which of the 64 sets of a uint16 array have the members 0 to 15."""
+    for member in range(16):
+        found[member] = sum(1 << i for i in range(BATCH) if int(sets[i]) >> member & 1)
 
 
-@_compiled_as(_spans)
-def spans(ends: Any) -> Any:
-    """The cells of a 4 by 4 grid between two ends in each row, member ``4 * row + column``.
+@_compiled_as(_add_spans)
+def add_spans(sets: Any, at: Any, row: Any, before: Any, after: Any) -> None:
+    """Add cells of a row of a 4 by 4 grid, member ``4 * row + column``, to the eight sets from ``at`` on.
 
-    Ends are rounded down. A row reaches to column ``ends[row]``, -1 to 3, from column
-    ``-ends[row + 4]``, 0 to 4, where -1 and 4 mean none.
+    ``before`` of them are left out on the left and ``after`` on the right, 0 to 4, rounded down.
     """
-    last, first = np.floor(ends[:4]), -np.floor(ends[4:])
-    return sum(
-        1 << 4 * row + column for row in range(4) for column in range(4) if first[row] <= column <= last[row]
-    )
+    for lane in range(LANES):
+        for column in range(int(before[lane]), 4 - int(after[lane])):
+            sets[at + lane] |= 1 << 4 * row + column

@@ -18,7 +18,7 @@ from tsplat._jit import JIT, kernel
 from tsplat.camera import Camera
 from tsplat.raster import record, reference
 from tsplat.raster.bin import bin_tiles
-from tsplat.raster.cells import CELL, GRID, TILE, cells_touched
+from tsplat.raster.cells import CELL, GRID, SHAPES, TILE, touch
 from tsplat.raster.falloff import OFFSET, SCALE
 from tsplat.raster.frame import Frame, new_frame
 from tsplat.raster.prepare import BLOCK, prepared
@@ -38,9 +38,19 @@ def _in_sight(block, numbers, bounds):  # type: ignore[no-untyped-def]
     return in_sight(block, numbers, bounds)
 
 
-@kernel
-def _cells(records, at, left, top):  # type: ignore[no-untyped-def]
-    return cells_touched(records, at, left, top)
+TOUCH = kernel(touch)
+
+
+def cells_of(records: npt.NDArray[np.float32], corner: tuple[int, int]) -> npt.NDArray[np.uint16]:
+    """Return which cells of the tile with this corner each record touches."""
+    found = [np.empty(0, np.uint16)]
+    for first in range(0, len(records), 8):
+        shapes, touched = np.zeros(SHAPES, np.float32), np.zeros(8, np.uint16)
+        eight = records[first : first + 8, :8]
+        shapes[: eight.size] = eight.ravel()
+        TOUCH(shapes, *corner, touched, 0)
+        found.append(touched[: len(eight)])
+    return np.concatenate(found)
 
 
 def after(
@@ -159,15 +169,16 @@ def test_every_pixel_a_splat_may_touch_lies_in_its_tiles_and_cells() -> None:
     seen = (alphas > options.alpha_min * 1.001).reshape(-1, camera.height, camera.width)
     assert set(np.flatnonzero(seen.any((1, 2)))) <= set(ids)
     tiles = frame.tiles.view(np.uint32).reshape(-1, 2)
-    for row, splat in zip(rows, ids, strict=True):
+    corners = [(x, y) for y in range(0, camera.height, TILE) for x in range(0, camera.width, TILE)]
+    touched = {corner: cells_of(records_of(frame)[rows], corner) for corner in corners}
+    for place, (row, splat) in enumerate(zip(rows, ids, strict=True)):
         (left, right), (top, bottom) = tiles[row] & 0xFFFF, tiles[row] >> 16
         for y, x in zip(*np.nonzero(seen[splat]), strict=True):
             assert left <= x // TILE <= right
             assert top <= y // TILE <= bottom
             corner = x // TILE * TILE, y // TILE * TILE
             cell = (y - corner[1]) // CELL * GRID + (x - corner[0]) // CELL
-            touched = _cells(frame.records, row * record.LENGTH, np.float32(corner[0]), np.float32(corner[1]))
-            assert touched >> int(cell) & 1
+            assert touched[corner][place] >> cell & 1
 
 
 @given(
@@ -183,11 +194,11 @@ def test_cells_are_touched_exactly_where_the_ellipse_reaches_a_column_of_pixels(
     xx, yy, correlation = covariance
     xy = correlation * np.sqrt(xx * yy)
     variance = xx - xy * xy / yy
-    one = np.zeros(record.LENGTH, np.float32)
-    one[[record.X, record.Y, record.SLOPE]] = x, y, xy / yy
-    one[record.HALF_WIDTH2], one[record.NARROWING] = variance * radius**2, variance / yy
-    one[record.RIGHTMOST] = xy * radius / np.sqrt(xx)
-    found = _cells(one, 0, np.float32(0), np.float32(0))
+    one = np.zeros((1, record.LENGTH), np.float32)
+    one[0, [record.X, record.Y, record.SLOPE]] = x, y, xy / yy
+    one[0, [record.HALF_WIDTH2, record.NARROWING]] = variance * radius**2, variance / yy
+    one[0, record.RIGHTMOST] = xy * radius / np.sqrt(xx)
+    found = int(cells_of(one, (0, 0))[0])
     for row in range(GRID):
         heights = np.linspace(row * CELL, row * CELL + CELL - 1, 3001) - y
         half2 = variance * radius**2 - variance / yy * heights**2

@@ -26,6 +26,7 @@ def bin_tiles(worker, frame):
     pairs = scan(worker, frame.tile_counts, 0, frame.tile_count, cursors)
     if pairs <= room(frame):
         _scatter(first, end, frame.tile_columns, frame.order, frame.sorted_tiles, cursors, frame.isect_ids)
+        frame.isect_ids[pairs : pairs + SLACK] = 0
     return pairs if meet(frame.team, frame.workers) else -1
 
 

@@ -1,7 +1,7 @@
 """Stage 4: blend the splats of each tile, nearest first.
 
 Source: Kerbl et al. 2023, eq. 3 and section 6. Splats are taken in batches of up to 64 records, each
-with the set of cells it touches. A cell then blends its splats of the batch, and is left alone once all its
+with the set of cells it touches, which is turned into the set of splats that touch each cell. A cell then blends its splats of the batch, and is left alone once all its
 pixels are finished.
 """
 
@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from tsplat._bits import BATCH, count, having, lanes_at_least, lowest, others
+from tsplat._bits import BATCH, count, lanes_at_least, lowest, others, transpose_sets
 from tsplat._jit import part
 from tsplat._lanes import fma, load, maximum, minimum, minus_abs, splat, store, where_above, where_at_least
 from tsplat._moves import prefetch
 from tsplat._threads import claim, meet
 from tsplat.raster import record as col
 from tsplat.raster import tile as channel
-from tsplat.raster.cells import CELL, CELLS, GRID, TILE, cells_touched
+from tsplat.raster.cells import CELL, CELLS, GRID, SHAPES, TILE, touch
 from tsplat.raster.falloff import alpha_of
 from tsplat.raster.frame import BLENDS, NEXT_TILE
 from tsplat.raster.tile import CELL_SIZE, TILE_SIZE, clear, write, write_background
@@ -35,8 +35,9 @@ AHEAD = 48
 @part
 def composite(worker, frame):
     """Draw tiles until none is left; tiles own disjoint pixels, so workers never meet before the end."""
-    tile, batch = frame.scratch[worker, :TILE_SIZE], frame.scratch[worker, TILE_SIZE:]
-    touched, depths = frame.touched[worker], frame.image.depths
+    scratch = frame.scratch[worker]
+    tile, shapes, batch = scratch[:TILE_SIZE], scratch[TILE_SIZE : TILE_SIZE + SHAPES], scratch[TILE_SIZE + SHAPES :]
+    touched, touching, depths = frame.touched[worker], frame.touching[worker], frame.image.depths
     isect_ends = frame.tile_cursors[frame.workers - 1]
     # Behind the last member, one that is never seen completes the threes.
     batch[NOBODY : NOBODY + col.LENGTH] = 0.0
@@ -54,10 +55,11 @@ def composite(worker, frame):
             continue
         live = clear(tile, frame.image.width - left, frame.image.height - top)
         while next_ < end and live != 0:
-            next_ = _fill_batch(frame.isect_ids, next_, end, frame.records, left, top, live, batch, touched)
+            next_ = _fill_batch(frame.isect_ids, next_, end, frame.records, left, top, live, batch, shapes, touched)
+            transpose_sets(touched, touching)
             for cell in range(CELLS):
-                if live >> cell & 1:
-                    splats = having(touched, cell)
+                splats = touching[np.uint64(cell)]
+                if splats != np.uint64(0):
                     blends += count(splats)
                     x, y = left + cell % GRID * CELL, top + cell // GRID * CELL
                     if blend_cell(tile, cell * CELL_SIZE, x, y, batch, splats, depths):
@@ -66,21 +68,30 @@ def composite(worker, frame):
 
 
 @part
-def _fill_batch(isect_ids, next_, end, records, left, top, live, batch, touched):
+def _fill_batch(isect_ids, next_, end, records, left, top, live, batch, shapes, touched):
     """Copy the records of the next splats that touch a live cell, with these cells; return which comes after."""
-    x, y = np.float32(left), np.float32(top)
     members = 0
-    while next_ < end and members < BATCH:
-        prefetch(records, np.int64(isect_ids[np.uint64(next_ + AHEAD)]) * col.LENGTH)
-        at = np.int64(isect_ids[np.uint64(next_)]) * col.LENGTH
-        cells = cells_touched(records, at, x, y) & live
-        store(batch, members * col.LENGTH, load(records, at))
-        store(batch, members * col.LENGTH + 8, load(records, at + 8))
-        touched[np.uint64(members)] = cells
-        members += 1 if cells != 0 else 0  # what touches nothing is overwritten
-        next_ += 1
+    while next_ < end and members <= BATCH - 8:
+        for lane in range(8):
+            prefetch(records, _record(isect_ids, next_ + AHEAD + lane))
+            store(shapes, 8 * lane, load(records, _record(isect_ids, next_ + lane)))
+        touch(shapes, left, top, touched, members)
+        found = members
+        for lane in range(min(8, end - next_)):
+            at = _record(isect_ids, next_ + lane)
+            cells = touched[np.uint64(found + lane)] & live
+            store(batch, members * col.LENGTH, load(records, at))
+            store(batch, members * col.LENGTH + 8, load(records, at + 8))
+            touched[np.uint64(members)] = cells
+            members += 1 if cells != 0 else 0  # what touches nothing is overwritten
+        next_ += 8
     touched[members:] = 0
-    return next_
+    return min(next_, end)
+
+
+@part
+def _record(isect_ids, i):
+    return np.int64(isect_ids[np.uint64(i)]) * col.LENGTH
 
 
 @part

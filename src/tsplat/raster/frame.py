@@ -11,7 +11,7 @@ import numpy.typing as npt
 from tsplat import _threads
 from tsplat._bits import BATCH
 from tsplat.camera import Camera
-from tsplat.raster.cells import TILE
+from tsplat.raster.cells import CELLS, TILE
 from tsplat.raster.prepare import BLOCK, Prepared
 from tsplat.raster.record import LENGTH
 from tsplat.rendering import DEPTH_BITS_IGNORED, JACOBIAN_LIMIT, RenderOptions
@@ -37,7 +37,7 @@ SCRATCH = SCRATCH_ROWS * BLOCK
 """float32 values of a worker's own memory; project and composite use it in turn, in the first-level cache."""
 
 SLACK = 64
-"""Entries behind the last one that may be read ahead, never used."""
+"""Entries behind the last one that are read ahead, never drawn; in ``isect_ids`` they are zero."""
 
 BLENDS, VISIBLE, LOWEST_KEY, HIGHEST_KEY = range(4)
 """Columns of ``results``: cells blended by this worker, records of all, the range of this worker's sort keys."""
@@ -106,6 +106,7 @@ class Frame(NamedTuple):
     tile_cursors: I32
     scratch: F32
     touched: npt.NDArray[np.uint16]
+    touching: npt.NDArray[np.uint64]
     team: I64
     results: I64
     stamps: I64
@@ -175,6 +176,7 @@ def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs
         tile_cursors=by_worker("tile_cursors", tile_count, np.int32),
         scratch=by_worker("scratch", SCRATCH, np.float32),
         touched=by_worker("touched", BATCH, np.uint16),
+        touching=by_worker("touching", CELLS, np.uint64),
         team=_threads.new_team(COUNTERS),
         results=by_worker("results", 8, np.int64),
         stamps=buffers.array("stamps", len(STAGES), np.int64),
