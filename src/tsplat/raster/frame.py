@@ -102,6 +102,7 @@ class Frame(NamedTuple):
     isect_ids: npt.NDArray[np.int32]
     sort_counts: I32
     sort_cursors: I32
+    tile_steps: I32
     tile_counts: I32
     tile_cursors: I32
     scratch: F32
@@ -139,8 +140,8 @@ def new_frame(
 def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs: int, blocks: int) -> Frame:
     """Return what frames of one size share; what each has of its own is empty."""
     buffers, padded = scene.buffers, blocks * BLOCK
-    tile_columns = -(-width // TILE)
-    tile_count = tile_columns * -(-height // TILE)
+    tile_columns, tile_rows = -(-width // TILE), -(-height // TILE)
+    tile_count = tile_columns * tile_rows
     empty = np.empty(0, np.float32)
 
     def by_worker(name: str, length: int, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
@@ -172,6 +173,7 @@ def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs
         isect_ids=buffers.array("isect_ids", pairs + SLACK, np.int32),
         sort_counts=by_worker("sort_counts", BUCKETS, np.int32),
         sort_cursors=by_worker("sort_cursors", BUCKETS, np.int32),
+        tile_steps=by_worker("tile_steps", tile_count + tile_columns + tile_rows + 1, np.int32),
         tile_counts=by_worker("tile_counts", tile_count, np.int32),
         tile_cursors=by_worker("tile_cursors", tile_count, np.int32),
         scratch=by_worker("scratch", SCRATCH, np.float32),
