@@ -61,7 +61,9 @@ def test_lanes_that_are_at_least_a_limit(x: np.ndarray, limit: np.ndarray) -> No
 left_out = hnp.arrays(np.int64, 8, elements=st.integers(0, 4))
 
 
-@given(sets=hnp.arrays(np.uint16, 12), row=st.integers(0, 3), before=left_out, after=left_out, more=st.floats(0, 0.99))
+@given(
+    sets=hnp.arrays(np.uint16, 12), row=st.integers(0, 3), before=left_out, after=left_out, more=st.floats(0, 0.99)
+)
 @settings(max_examples=100, deadline=None)
 def test_spans_add_the_cells_of_a_row_but_those_left_out_and_change_no_other_set(
     sets: np.ndarray, row: int, before: np.ndarray, after: np.ndarray, more: float

@@ -52,6 +52,11 @@ def _move(x, halves, rows, pixels, transposed):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def _pair(x, pairs):  # type: ignore[no-untyped-def]
+    moves.store_paired_halves(pairs, 2, lanes.load(x, 0), lanes.load(x, 8))
+
+
+@kernel
 def _bypass(x, out):  # type: ignore[no-untyped-def]
     moves.store_past_caches(out, 8, lanes.load(x, 3))
 
@@ -82,6 +87,14 @@ def test_values_that_go_past_the_caches_arrive() -> None:
     out[:] = -1
     _bypass(x, out)
     np.testing.assert_array_equal(out, [-1] * 8 + list(range(3, 11)) + [-1] * 8)
+
+
+def test_paired_halves_lie_side_by_side() -> None:
+    x, pairs = np.arange(16, dtype=np.float32) / 3, np.zeros(12, np.float32)
+    _pair(x, pairs)
+    np.testing.assert_array_equal(pairs[2:10].view(np.float16).reshape(8, 2), x.reshape(2, 8).T.astype(np.float16))
+    assert not pairs[:2].any()
+    assert not pairs[10:].any()
 
 
 def test_values_move_where_the_names_say() -> None:

@@ -64,9 +64,7 @@ def _transpose_sets(typingctx: Any, sets: Any, found: Any) -> Any:
             for member in range(first + 7, first - 1, -1):
                 # The highest bit is the sign, and signs are gathered by one instruction.
                 negative = builder.icmp_signed("<", half, ir.Constant(_BYTES, [0] * BATCH))
-                builder.store(
-                    builder.bitcast(negative, _LONG), builder.gep(target, [ir.Constant(_LONG, member)])
-                )
+                builder.store(builder.bitcast(negative, _LONG), builder.gep(target, [ir.Constant(_LONG, member)]))
                 half = builder.add(half, half)
         return context.get_dummy_value()
 

@@ -50,6 +50,22 @@ def _store_half(typingctx: Any, array: Any, offset: Any, value: Any) -> Any:
 
 
 @device
+def _store_paired_halves(typingctx: Any, array: Any, offset: Any, low: Any, high: Any) -> Any:
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        shorts = ir.VectorType(ir.IntType(16), LANES)
+        low, high = (
+            builder.zext(builder.bitcast(builder.fptrunc(each, _HALF_VECTOR), shorts), _INT_VECTOR)
+            for each in args[2:]
+        )
+        both = builder.or_(low, builder.shl(high, ir.Constant(_INT_VECTOR, [16] * LANES)))
+        pointer = _vector_pointer(context, builder, sig.args[0], *args[:2])
+        builder.store(builder.bitcast(both, _VECTOR), pointer, align=4)
+        return context.get_dummy_value()
+
+    return types.void(array, types.int64, float8, float8), codegen
+
+
+@device
 def _store_rows(typingctx: Any, array: Any, upper: Any, lower: Any, value: Any) -> Any:
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         _store_two_rows(
@@ -149,6 +165,13 @@ def load_half(array: Any, offset: Any) -> Any:
 def store_half(array: Any, offset: Any, value: Any) -> None:
     """Put eight values into a flat uint16 array from ``offset`` on, as half-precision numbers."""
     array[offset : offset + LANES] = value.astype(np.float16).view(np.uint16)
+
+
+@_compiled_as(_store_paired_halves)
+def store_paired_halves(array: Any, offset: Any, low: Any, high: Any) -> None:
+    """Put two half-precision numbers into each of eight float32 of a flat array, ``low`` in the low bits."""
+    low, high = (each.astype(np.float16).view(np.uint16).astype(np.uint32) for each in (low, high))
+    array[offset : offset + LANES] = (low | high << np.uint32(16)).view(np.float32)
 
 
 @_compiled_as(_store_rows)

@@ -47,7 +47,7 @@ def _gather_tiles(first, end, order, tiles, sorted_tiles):
 def _count(first, end, tile_columns, sorted_tiles, steps, counts):
     """Count the splats of each tile: each is four steps at its corners, and a tile has the sum of those before it.
 
-    Whatever the size of a splat there is nothing to mispredict. ``steps`` has a column and a row more than the tiles.
+    So no branch can be mispredicted. ``steps`` has a row and a column more than there are tiles.
     """
     steps[:] = 0
     wide = tile_columns + 1

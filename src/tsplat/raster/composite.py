@@ -1,8 +1,8 @@
 """Stage 4: blend the splats of each tile, nearest first.
 
 Source: Kerbl et al. 2023, eq. 3 and section 6. Splats are taken in batches of up to 64 records, each
-with the set of cells it touches, which is turned into the set of splats that touch each cell. A cell then blends its splats of the batch, and is left alone once all its
-pixels are finished.
+with the set of cells it touches, from which follow the splats of each cell. A cell then blends its splats
+of the batch, and is left alone once all its pixels are finished.
 """
 
 from __future__ import annotations
@@ -12,15 +12,16 @@ import numpy as np
 from tsplat._bits import BATCH, count, lanes_at_least, lowest, others, transpose_sets
 from tsplat._jit import part
 from tsplat._lanes import fma, load, maximum, minimum, minus_abs, splat, store, where_above, where_at_least
-from tsplat._moves import prefetch
+from tsplat._moves import load_half, prefetch
 from tsplat._threads import claim, meet
-from tsplat.raster import record as col
+from tsplat.raster import member as col
+from tsplat.raster import record as packed
 from tsplat.raster import tile as channel
-from tsplat.raster.cells import CELL, CELLS, GRID, SHAPES, TILE, touch
-from tsplat.raster.falloff import alpha_of
+from tsplat.raster.cells import CELL, CELLS, CUTS, GRID, SHAPES, TILE, touch
+from tsplat.raster.falloff import LOG2_E, OFFSET, SCALE, alpha_of
 from tsplat.raster.frame import BLENDS, NEXT_TILE
 from tsplat.raster.tile import CELL_SIZE, TILE_SIZE, clear, write, write_background
-from tsplat.rendering import ALPHA_MAX, TRANSMITTANCE_MIN
+from tsplat.rendering import ALPHA_MAX, DEPTH_BITS_IGNORED, TRANSMITTANCE_MIN
 
 LANE_X = (np.arange(8) % CELL).astype(np.float32)
 LANE_Y = (np.arange(8) // CELL).astype(np.float32)
@@ -35,8 +36,8 @@ AHEAD = 48
 @part
 def composite(worker, frame):
     """Draw tiles until none is left; tiles own disjoint pixels, so workers never meet before the end."""
-    scratch = frame.scratch[worker]
-    tile, shapes, batch = scratch[:TILE_SIZE], scratch[TILE_SIZE : TILE_SIZE + SHAPES], scratch[TILE_SIZE + SHAPES :]
+    tile, behind = frame.scratch[worker, :TILE_SIZE], frame.scratch[worker, TILE_SIZE:]
+    shapes, batch = behind[:SHAPES], behind[SHAPES:]
     touched, touching, depths = frame.touched[worker], frame.touching[worker], frame.image.depths
     isect_ends = frame.tile_cursors[frame.workers - 1]
     # Behind the last member, one that is never seen completes the threes.
@@ -55,7 +56,7 @@ def composite(worker, frame):
             continue
         live = clear(tile, frame.image.width - left, frame.image.height - top)
         while next_ < end and live != 0:
-            next_ = _fill_batch(frame.isect_ids, next_, end, frame.records, left, top, live, batch, shapes, touched)
+            next_ = _fill_batch(frame, next_, end, left, top, live, batch, shapes, touched, depths)
             transpose_sets(touched, touching)
             for cell in range(CELLS):
                 splats = touching[np.uint64(cell)]
@@ -68,20 +69,27 @@ def composite(worker, frame):
 
 
 @part
-def _fill_batch(isect_ids, next_, end, records, left, top, live, batch, shapes, touched):
-    """Copy the records of the next splats that touch a live cell, with these cells; return which comes after."""
+def _fill_batch(frame, next_, end, left, top, live, batch, shapes, touched, depths):
+    """Unpack the next splats that touch a live cell, with these cells; return which comes after."""
+    isect_ids, records, halves = frame.isect_ids, frame.records, frame.halves
+    log2_alpha_min, squared_extent = frame.numbers[24:26]
+    least_cut = np.float32(SCALE) * log2_alpha_min + np.float32(OFFSET)
+    drop = np.float32(SCALE * 0.5 * LOG2_E) * squared_extent
     members = 0
     while next_ < end and members <= BATCH - 8:
         for lane in range(8):
-            prefetch(records, _record(isect_ids, next_ + AHEAD + lane))
-            store(shapes, 8 * lane, load(records, _record(isect_ids, next_ + lane)))
-        touch(shapes, left, top, touched, members)
+            prefetch(records, _record(isect_ids, next_ + AHEAD + lane) * packed.LENGTH)
+            store(shapes, lane * packed.LENGTH, load(records, _record(isect_ids, next_ + lane) * packed.LENGTH))
+        touch(shapes, least_cut, drop, left, top, touched, members)
         found = members
         for lane in range(min(8, end - next_)):
-            at = _record(isect_ids, next_ + lane)
+            record, member = _record(isect_ids, next_ + lane), members * col.LENGTH
             cells = touched[np.uint64(found + lane)] & live
-            store(batch, members * col.LENGTH, load(records, at))
-            store(batch, members * col.LENGTH + 8, load(records, at + 8))
+            store(batch, member, load(records, record * packed.LENGTH))
+            store(batch, member + col.UNPACKED, load_half(halves, (2 * record + 1) * packed.LENGTH))
+            batch[np.uint64(member + col.CUT)] = shapes[np.uint64(CUTS + lane)]
+            if depths is not None:
+                batch[np.uint64(member + col.DEPTH)] = _depth(frame.depth_keys[np.uint64(record)])
             touched[np.uint64(members)] = cells
             members += 1 if cells != 0 else 0  # what touches nothing is overwritten
         next_ += 8
@@ -91,7 +99,14 @@ def _fill_batch(isect_ids, next_, end, records, left, top, live, batch, shapes, 
 
 @part
 def _record(isect_ids, i):
-    return np.int64(isect_ids[np.uint64(i)]) * col.LENGTH
+    return np.int64(isect_ids[np.uint64(i)])
+
+
+@part
+def _depth(key):
+    """Return the middle of the depths that have this sort key."""
+    middle = np.uint32(1 << DEPTH_BITS_IGNORED - 1)
+    return np.uint32((key << np.uint32(DEPTH_BITS_IGNORED)) + middle).view(np.float32)
 
 
 @part

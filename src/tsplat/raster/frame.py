@@ -25,14 +25,14 @@ NEXT_BLOCK, NEXT_TILE = _threads.FIRST_FREE, _threads.FIRST_FREE + 8
 
 COUNTERS = 2
 
-CACHES = 24 << 20
+CACHES = 12 << 20
 """Bytes of records that are not expected to be found again in any cache."""
 
 LOW_BITS = 11
 BUCKETS = 1 << (31 - DEPTH_BITS_IGNORED - LOW_BITS)
 """Of the second pass of the sort, which needs more: depths are positive, so there is no sign bit."""
 
-SCRATCH_ROWS = 24
+SCRATCH_ROWS = 21
 SCRATCH = SCRATCH_ROWS * BLOCK
 """float32 values of a worker's own memory; project and composite use it in turn, in the first-level cache."""
 
@@ -65,7 +65,7 @@ class Frame(NamedTuple):
         The camera's and the options', see `camera_numbers`.
     blocks : ndarray of int32, [B]
         Which blocks of the scene are drawn.
-    records : ndarray of float32, [B * BLOCK * 16]
+    records : ndarray of float32, [B * BLOCK * 8]
         One row for each visible splat, see `record`; those of a block start where it would if only these were.
     depth_keys : ndarray of uint32, [B * BLOCK]
         What each record is sorted by.
@@ -91,6 +91,7 @@ class Frame(NamedTuple):
     base_colors: F32
     sh_rest: npt.NDArray[np.uint16]
     records: F32
+    halves: npt.NDArray[np.uint16]
     depth_keys: npt.NDArray[np.uint32]
     tiles: npt.NDArray[np.uint64]
     visible: npt.NDArray[np.int32]
@@ -143,6 +144,7 @@ def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs
     tile_columns, tile_rows = -(-width // TILE), -(-height // TILE)
     tile_count = tile_columns * tile_rows
     empty = np.empty(0, np.float32)
+    records = buffers.array("records", padded * LENGTH, np.float32)
 
     def by_worker(name: str, length: int, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
         return buffers.array(name, workers * length, dtype)[: workers * length].reshape(workers, length)
@@ -161,7 +163,8 @@ def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs
         log2_opacities=scene.log2_opacities,
         base_colors=scene.base_colors,
         sh_rest=scene.sh_rest,
-        records=buffers.array("records", padded * LENGTH, np.float32),
+        records=records,
+        halves=records.view(np.uint16),
         depth_keys=buffers.array("depth_keys", padded, np.uint32),
         tiles=buffers.array("tiles", padded, np.uint64),
         visible=buffers.array("visible", blocks, np.int32)[:blocks],
