@@ -18,8 +18,8 @@ def _taken_apart(members, found):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _having(masks, bit):  # type: ignore[no-untyped-def]
-    return bits.having(masks, bit)
+def _transpose_sets(sets, found):  # type: ignore[no-untyped-def]
+    bits.transpose_sets(sets, found)
 
 
 @kernel
@@ -28,8 +28,8 @@ def _at_least(x, limit):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _spans(ends):  # type: ignore[no-untyped-def]
-    return bits.spans(lanes.load(ends, 0))
+def _add_spans(sets, at, row, before, after):  # type: ignore[no-untyped-def]
+    bits.add_spans(sets, at, row, lanes.load(before, 0), lanes.load(after, 0))
 
 
 @given(st.sets(st.integers(0, 63)))
@@ -42,10 +42,13 @@ def test_the_lowest_member_the_others_and_their_number(members: set[int]) -> Non
     assert found.tolist() == [lowest, len(members), others]
 
 
-@given(hnp.arrays(np.uint16, 64), st.integers(0, 15))
+@given(hnp.arrays(np.uint16, 64))
 @settings(max_examples=50, deadline=None)
-def test_sets_that_have_a_member(masks: np.ndarray, bit: int) -> None:
-    assert int(_having(masks, bit)) == sum(1 << i for i, mask in enumerate(masks) if int(mask) & 1 << bit)
+def test_transposed_sets_say_which_sets_have_each_member(sets: np.ndarray) -> None:
+    found = np.zeros(16, np.uint64)
+    _transpose_sets(sets, found)
+    expected = [sum(1 << i for i, each in enumerate(sets) if int(each) & 1 << member) for member in range(16)]
+    assert found.tolist() == expected
 
 
 eight = hnp.arrays(np.float32, 8, elements=st.sampled_from([-2.0, -0.0, 0.0, 1.0, float("nan")]))
@@ -57,15 +60,19 @@ def test_lanes_that_are_at_least_a_limit(x: np.ndarray, limit: np.ndarray) -> No
     assert _at_least(x, limit) == sum(1 << lane for lane in range(8) if x[lane] >= limit[lane])
 
 
-def four(low: int, high: int) -> st.SearchStrategy[list[int]]:
-    return st.lists(st.integers(low, high), min_size=4, max_size=4)
+left_out = hnp.arrays(np.int64, 8, elements=st.integers(0, 4))
 
 
-@given(last=four(-1, 3), first=four(0, 4), more=st.sampled_from([0.0, 0.25, 0.99]))
+@given(
+    sets=hnp.arrays(np.uint16, 12), row=st.integers(0, 3), before=left_out, after=left_out, more=st.floats(0, 0.99)
+)
 @settings(max_examples=100, deadline=None)
-def test_spans_are_the_cells_from_the_first_to_the_last_of_each_row(
-    last: list[int], first: list[int], more: float
+def test_spans_add_the_cells_of_a_row_but_those_left_out_and_change_no_other_set(
+    sets: np.ndarray, row: int, before: np.ndarray, after: np.ndarray, more: float
 ) -> None:
-    ends = np.asarray(last + [-column for column in first], np.float32) + np.float32(more)
-    expected = {4 * row + column for row in range(4) for column in range(first[row], last[row] + 1)}
-    assert _spans(ends) == sum(1 << cell for cell in expected)
+    expected = sets.copy()
+    for lane in range(8):
+        for column in range(before[lane], 4 - after[lane]):
+            expected[2 + lane] |= 1 << 4 * row + column
+    _add_spans(sets, 2, row, (before + more).astype(np.float32), (after + more).astype(np.float32))
+    np.testing.assert_array_equal(sets, expected)

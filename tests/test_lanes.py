@@ -30,6 +30,9 @@ def _arithmetic(x, y, out):  # type: ignore[no-untyped-def]
     lanes.store(out, 64, lanes.minus_abs(a))
     lanes.store(out, 72, a / lanes.splat(np.float32(4.0)))
     lanes.store(out, 80, lanes.sqrt(a * a))
+    lanes.store(out, 88, lanes.eighth_power(a))
+    lanes.store(out, 96, lanes.eighth_power(a * lanes.splat(np.float32(1e6))))
+    lanes.store(out, 104, lanes.sqrt(lanes.minus_abs(a) - lanes.splat(np.float32(1.0))))
     moves.prefetch(x, 0)
 
 
@@ -49,6 +52,11 @@ def _move(x, halves, rows, pixels, transposed):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def _pair(x, pairs):  # type: ignore[no-untyped-def]
+    moves.store_paired_halves(pairs, 2, lanes.load(x, 0), lanes.load(x, 8))
+
+
+@kernel
 def _bypass(x, out):  # type: ignore[no-untyped-def]
     moves.store_past_caches(out, 8, lanes.load(x, 3))
 
@@ -56,11 +64,14 @@ def _bypass(x, out):  # type: ignore[no-untyped-def]
 @given(x=eight, y=eight)
 @settings(max_examples=50, deadline=None)
 def test_lanes_do_what_their_names_say(x: Eight, y: Eight) -> None:
-    out = np.zeros(88, np.float32)
+    out = np.zeros(112, np.float32)
     _arithmetic(x, y, out)
     exact = x.astype(np.float64) * y
     expected = [x + y, x - y, exact, exact + 3, np.minimum(x, y), np.maximum(x, y), np.where(x >= y, 7, 0)]
     expected += [np.where(x > y, exact, y), -np.abs(x), x / 4, np.abs(x)]
+    with np.errstate(over="ignore"):
+        expected += [x.astype(np.float64) ** 8, (x * np.float32(1e6)) ** 8]
+    expected += [np.full(8, np.nan)]
     np.testing.assert_allclose(out, np.concatenate(expected), rtol=1e-5, atol=1e-5)
 
 
@@ -76,6 +87,14 @@ def test_values_that_go_past_the_caches_arrive() -> None:
     out[:] = -1
     _bypass(x, out)
     np.testing.assert_array_equal(out, [-1] * 8 + list(range(3, 11)) + [-1] * 8)
+
+
+def test_paired_halves_lie_side_by_side() -> None:
+    x, pairs = np.arange(16, dtype=np.float32) / 3, np.zeros(12, np.float32)
+    _pair(x, pairs)
+    np.testing.assert_array_equal(pairs[2:10].view(np.float16).reshape(8, 2), x.reshape(2, 8).T.astype(np.float16))
+    assert not pairs[:2].any()
+    assert not pairs[10:].any()
 
 
 def test_values_move_where_the_names_say() -> None:

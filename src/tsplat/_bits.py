@@ -35,18 +35,17 @@ def lanes_at_least(x: Any, limit: Any) -> Any:
     return sum(1 << lane for lane in range(LANES) if x[lane] >= limit[lane])
 
 
-def having(masks: Any, bit: Any) -> Any:
-    """Which of the 64 sets of a uint16 array have the member ``bit``, 0 to 15, as a uint64."""
-    return np.uint64(sum(1 << i for i in range(BATCH) if int(masks[i]) >> bit & 1))
+def transpose_sets(sets: Any, found: Any) -> None:
+    """Write into ``found``, 16 uint64, which of the 64 sets of a uint16 array have the members 0 to 15."""
+    for member in range(16):
+        found[member] = sum(1 << i for i in range(BATCH) if int(sets[i]) >> member & 1)
 
 
-def spans(ends: Any) -> Any:
-    """The cells of a 4 by 4 grid between two ends in each row, member ``4 * row + column``.
+def add_spans(sets: Any, at: Any, row: Any, before: Any, after: Any) -> None:
+    """Add cells of a row of a 4 by 4 grid, member ``4 * row + column``, to the eight sets from ``at`` on.
 
-    Ends are rounded down. A row reaches to column ``ends[row]``, -1 to 3, from column
-    ``-ends[row + 4]``, 0 to 4, where -1 and 4 mean none.
+    ``before`` of them are left out on the left and ``after`` on the right, 0 to 4, rounded down.
     """
-    last, first = np.floor(ends[:4]), -np.floor(ends[4:])
-    return sum(
-        1 << 4 * row + column for row in range(4) for column in range(4) if first[row] <= column <= last[row]
-    )
+    for lane in range(LANES):
+        for column in range(int(before[lane]), 4 - int(after[lane])):
+            sets[at + lane] |= 1 << 4 * row + column

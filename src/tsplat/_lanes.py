@@ -75,6 +75,13 @@ def exp2(x: Any) -> Any:
     return (power.view(np.int32) + (shifted.view(np.int32) << 23)).view(np.float32)
 
 
+def eighth_power(x: Any) -> Any:
+    """``x**8``; infinity where that is too large."""
+    with np.errstate(over="ignore"):
+        return x**8
+
+
 def sqrt(x: Any) -> Any:
     """Square roots; nan below zero."""
-    return np.sqrt(x)
+    with np.errstate(invalid="ignore"):
+        return np.sqrt(x)

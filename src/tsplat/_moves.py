@@ -27,6 +27,12 @@ def store_half(array: Any, offset: Any, value: Any) -> None:
     array[offset : offset + LANES] = value.astype(np.float16).view(np.uint16)
 
 
+def store_paired_halves(array: Any, offset: Any, low: Any, high: Any) -> None:
+    """Put two half-precision numbers into each of eight float32 of a flat array, ``low`` in the low bits."""
+    low, high = (each.astype(np.float16).view(np.uint16).astype(np.uint32) for each in (low, high))
+    array[offset : offset + LANES] = (low | high << np.uint32(16)).view(np.float32)
+
+
 def store_rows(array: Any, upper: Any, lower: Any, value: Any) -> None:
     """Put the first four lanes at offset ``upper`` of a flat float32 array, the others at ``lower``."""
     array[upper : upper + 4], array[lower : lower + 4] = value[:4], value[4:]

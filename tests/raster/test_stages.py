@@ -17,14 +17,15 @@ from tsplat._jit import JIT, Kernel, kernel
 from tsplat.camera import Camera
 from tsplat.raster import record, reference
 from tsplat.raster.bin import bin_tiles
-from tsplat.raster.cells import CELL, GRID, TILE, cells_touched
+from tsplat.raster.cells import CELL, GRID, SHAPES, TILE, touch
+from tsplat.raster.falloff import LOG2_E, OFFSET, SCALE
 from tsplat.raster.frame import Frame, new_frame
 from tsplat.raster.prepare import BLOCK, prepared
 from tsplat.raster.project import project
 from tsplat.raster.sight import in_sight
 from tsplat.raster.sort import sort
 from tsplat.raster.workers import on_threads
-from tsplat.rendering import RenderOptions
+from tsplat.rendering import DEPTH_BITS_IGNORED, RenderOptions
 from tsplat.scene import Gaussians
 
 MANY = 700 if JIT else 90
@@ -36,9 +37,32 @@ def _in_sight(block, numbers, bounds):  # type: ignore[no-untyped-def]
     return in_sight(block, numbers, bounds)
 
 
-@kernel
-def _cells(records, at, left, top):  # type: ignore[no-untyped-def]
-    return cells_touched(records, at, left, top)
+TOUCH = kernel(touch)
+
+
+def levels_of(options: RenderOptions) -> tuple[np.float32, np.float32]:
+    """Return the least level that is drawn, and how far below its peak a splat is drawn at most."""
+    drop = 0.5 * LOG2_E * SCALE * options.sigma_extent**2
+    return np.float32(SCALE * np.log2(options.alpha_min) + OFFSET), np.float32(drop)
+
+
+def cells_of(
+    records: npt.NDArray[np.float32], corner: tuple[int, int], options: RenderOptions
+) -> npt.NDArray[np.uint16]:
+    """Return which cells of the tile with this corner each record touches."""
+    found = [np.empty(0, np.uint16)]
+    for first in range(0, len(records), 8):
+        # What is left of eight repeats the first: no record is without an ellipse.
+        eight = records[[*range(first, min(first + 8, len(records))), *[first] * 8][:8]]
+        shapes, touched = np.zeros(SHAPES, np.float32), np.zeros(8, np.uint16)
+        shapes[: eight.size] = eight.ravel()
+        TOUCH(shapes, *levels_of(options), *corner, touched, 0)
+        found.append(touched[: len(records) - first])
+    return np.concatenate(found)
+
+
+def colors_of(records: npt.NDArray[np.float32]) -> npt.NDArray[np.float16]:
+    return np.ascontiguousarray(records[:, record.COLOR :]).view(np.float16)[:, :3]
 
 
 def after(
@@ -98,9 +122,10 @@ def test_projected_records_are_those_of_the_reference_in_the_order_of_the_file()
     assert len(ids) > MANY // 3
     assert (np.diff(ids) > 0).all()
     np.testing.assert_allclose(records[:, [record.X, record.Y]] + 0.5, means2d[ids], atol=1e-4)
-    np.testing.assert_allclose(records[:, record.DEPTH], depths[ids], rtol=1e-6)
-    np.testing.assert_allclose(2.0 ** records[:, record.LOG2_OPACITY], opacities[ids], rtol=1e-4)
-    folded = conics[ids] * (-0.5 * np.log2(np.e))
+    keys = depths[ids].astype(np.float32).view(np.uint32) >> DEPTH_BITS_IGNORED
+    assert (np.abs(frame.depth_keys[rows].astype(np.int64) - keys) <= 1).all()
+    np.testing.assert_allclose(2.0 ** ((records[:, record.PEAK] - OFFSET) / SCALE), opacities[ids], rtol=1e-4)
+    folded = conics[ids] * (-0.5 * np.log2(np.e) * SCALE)
     np.testing.assert_allclose(records[:, record.CONIC_A], folded[:, 0, 0], rtol=2e-4, atol=1e-6)
     np.testing.assert_allclose(records[:, record.CONIC_B], 2 * folded[:, 0, 1], rtol=2e-4, atol=1e-5)
     np.testing.assert_allclose(records[:, record.CONIC_C], folded[:, 1, 1], rtol=2e-4, atol=1e-6)
@@ -157,15 +182,16 @@ def test_every_pixel_a_splat_may_touch_lies_in_its_tiles_and_cells() -> None:
     seen = (alphas > options.alpha_min * 1.001).reshape(-1, camera.height, camera.width)
     assert set(np.flatnonzero(seen.any((1, 2)))) <= set(ids)
     tiles = frame.tiles.view(np.uint32).reshape(-1, 2)
-    for row, splat in zip(rows, ids, strict=True):
+    corners = [(x, y) for y in range(0, camera.height, TILE) for x in range(0, camera.width, TILE)]
+    touched = {corner: cells_of(records_of(frame)[rows], corner, options) for corner in corners}
+    for place, (row, splat) in enumerate(zip(rows, ids, strict=True)):
         (left, right), (top, bottom) = tiles[row] & 0xFFFF, tiles[row] >> 16
         for y, x in zip(*np.nonzero(seen[splat]), strict=True):
             assert left <= x // TILE <= right
             assert top <= y // TILE <= bottom
             corner = x // TILE * TILE, y // TILE * TILE
             cell = (y - corner[1]) // CELL * GRID + (x - corner[0]) // CELL
-            touched = _cells(frame.records, row * record.LENGTH, np.float32(corner[0]), np.float32(corner[1]))
-            assert touched >> int(cell) & 1
+            assert touched[corner][place] >> cell & 1
 
 
 @given(
@@ -181,11 +207,12 @@ def test_cells_are_touched_exactly_where_the_ellipse_reaches_a_column_of_pixels(
     xx, yy, correlation = covariance
     xy = correlation * np.sqrt(xx * yy)
     variance = xx - xy * xy / yy
-    one = np.zeros(record.LENGTH, np.float32)
-    one[[record.X, record.Y, record.SLOPE]] = x, y, xy / yy
-    one[record.HALF_WIDTH2], one[record.NARROWING] = variance * radius**2, variance / yy
-    one[record.RIGHTMOST] = xy * radius / np.sqrt(xx)
-    found = _cells(one, 0, np.float32(0), np.float32(0))
+    options = RenderOptions()
+    one, fold = np.zeros((1, record.LENGTH), np.float32), -0.5 * LOG2_E * SCALE
+    one[0, [record.X, record.Y]] = x, y
+    one[0, record.CONIC_A : record.CONIC_C + 1] = np.array([yy, -2 * xy, xx]) * fold / (xx * yy - xy**2)
+    one[0, record.PEAK] = levels_of(options)[0] - fold * radius**2
+    found = int(cells_of(one, (0, 0), options)[0])
     for row in range(GRID):
         heights = np.linspace(row * CELL, row * CELL + CELL - 1, 3001) - y
         half2 = variance * radius**2 - variance / yy * heights**2
@@ -210,8 +237,7 @@ def test_colours_are_those_of_the_reference_to_half_precision(degree: int) -> No
     records = records_of(frame)[rows]
     ids = splats_of(records, projected(gaussians, camera, options)[0])
     expected = reference.evaluate_sh(gaussians.sh, gaussians.means - camera.eye, degree)[ids]
-    tolerance = 2e-6 if degree == 0 else 1e-3
-    np.testing.assert_allclose(records[:, record.RED : record.BLUE + 1], expected, atol=tolerance)
+    np.testing.assert_allclose(colors_of(records), expected, rtol=1e-3, atol=1e-3)
 
 
 @pytest.mark.parametrize("threads", [1, 3])
@@ -221,8 +247,9 @@ def test_records_are_sorted_by_depth_and_equal_depths_keep_their_order(threads: 
     frame, rows = after([PROJECT, SORT], doubled, camera, RenderOptions(threads=threads))
     order = frame.order[: len(rows)]
     np.testing.assert_array_equal(order, rows[np.argsort(frame.depth_keys[rows], kind="stable")])
-    depths = records_of(frame)[order, record.DEPTH]
-    assert (depths[1:] >= depths[:-1] * (1 - 2e-5)).all()
+    means2d, depths, *_ = projected(doubled, camera, RenderOptions())
+    by_depth = depths[splats_of(records_of(frame)[order], means2d)]
+    assert (by_depth[1:] >= by_depth[:-1] * (1 - 2e-5)).all()
 
 
 @pytest.mark.parametrize("threads", [1, 3])

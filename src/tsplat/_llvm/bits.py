@@ -14,9 +14,8 @@ from tsplat._llvm.lanes import INT, INT_VECTOR, float8
 from tsplat._llvm.words import call, instructions_of, pointer
 
 _BYTE, _SHORT, _LONG = ir.IntType(8), ir.IntType(16), ir.IntType(64)
-_MASKS = ir.VectorType(_SHORT, BATCH)
-_FOUR = ir.VectorType(INT, 4)
-_LIFT = 8
+_SETS, _EIGHT_SETS = ir.VectorType(_SHORT, BATCH), ir.VectorType(_SHORT, LANES)
+_BYTES = ir.VectorType(_BYTE, BATCH)
 
 
 @instructions_of(bits.lowest)
@@ -51,35 +50,35 @@ def _lanes_at_least(typingctx: Any, x: Any, limit: Any) -> Any:
     return types.int64(float8, float8), codegen
 
 
-@instructions_of(bits.having)
-def _having(typingctx: Any, masks: Any, bit: Any) -> Any:
+@instructions_of(bits.transpose_sets)
+def _transpose_sets(typingctx: Any, sets: Any, found: Any) -> Any:
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        place = pointer(context, builder, sig.args[0], (args[0], ir.Constant(_LONG, 0)), _MASKS)
-        loaded = builder.load(place, align=2)
-        one = builder.trunc(builder.shl(ir.Constant(_LONG, 1), args[1]), _SHORT)
-        wanted = builder.insert_element(ir.Constant(_MASKS, ir.Undefined), one, ir.Constant(INT, 0))
-        everywhere = ir.Constant(ir.VectorType(INT, BATCH), [0] * BATCH)
-        wanted = builder.shuffle_vector(wanted, ir.Constant(_MASKS, ir.Undefined), everywhere)
-        found = builder.icmp_unsigned("!=", builder.and_(loaded, wanted), ir.Constant(_MASKS, [0] * BATCH))
-        return builder.bitcast(found, _LONG)
+        zero = ir.Constant(_LONG, 0)
+        loaded = builder.load(pointer(context, builder, sig.args[0], (args[0], zero), _SETS), align=2)
+        upper = builder.trunc(builder.lshr(loaded, ir.Constant(_SETS, [8] * BATCH)), _BYTES)
+        for half, first in ((builder.trunc(loaded, _BYTES), 0), (upper, 8)):
+            for member in range(first + 7, first - 1, -1):
+                # The highest bit is the sign, and signs are gathered by one instruction.
+                negative = builder.icmp_signed("<", half, ir.Constant(_BYTES, [0] * BATCH))
+                place = pointer(context, builder, sig.args[1], (args[1], ir.Constant(_LONG, member)))
+                builder.store(builder.bitcast(negative, _LONG), place)
+                half = builder.add(half, half)
+        return context.get_dummy_value()
 
-    return types.uint64(masks, types.int64), codegen
+    return types.void(sets, found), codegen
 
 
-@instructions_of(bits.spans)
-def _spans(typingctx: Any, ends: Any) -> Any:
+@instructions_of(bits.add_spans)
+def _add_spans(typingctx: Any, sets: Any, at: Any, row: Any, before: Any, after: Any) -> Any:
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        # Rounding towards zero is rounding down for what is positive.
-        positive = builder.fadd(args[0], ir.Constant(args[0].type, [float(_LIFT)] * LANES))
-        whole = builder.sub(builder.fptosi(positive, INT_VECTOR), ir.Constant(INT_VECTOR, [_LIFT] * LANES))
-        last, minus_first = (
-            builder.shuffle_vector(whole, whole, ir.Constant(_FOUR, list(lanes)))
-            for lanes in (range(4), range(4, LANES))
-        )
-        ones = ir.Constant(_FOUR, [15] * 4)
-        up_to_last = builder.lshr(ones, builder.sub(ir.Constant(_FOUR, [3] * 4), last))
-        from_first = builder.shl(ones, builder.sub(ir.Constant(_FOUR, [0] * 4), minus_first))
-        rows = builder.shl(builder.and_(up_to_last, from_first), ir.Constant(_FOUR, [0, 4, 8, 12]))
-        return builder.zext(call(builder, "llvm.vector.reduce.or.v4i32", INT, [rows]), _LONG)
+        place = pointer(context, builder, sig.args[0], args[:2], _EIGHT_SETS)
+        before, after = (builder.fptosi(count, INT_VECTOR) for count in args[3:])
+        ones = ir.Constant(INT_VECTOR, [15] * LANES)
+        span = builder.trunc(builder.and_(builder.shl(ones, before), builder.lshr(ones, after)), _EIGHT_SETS)
+        shift = builder.trunc(builder.mul(args[2], ir.Constant(_LONG, 4)), _SHORT)
+        shift = builder.insert_element(ir.Constant(_EIGHT_SETS, ir.Undefined), shift, ir.Constant(INT, 0))
+        shift = builder.shuffle_vector(shift, shift, ir.Constant(INT_VECTOR, [0] * LANES))
+        builder.store(builder.or_(builder.load(place, align=2), builder.shl(span, shift)), place, align=2)
+        return context.get_dummy_value()
 
-    return types.int64(float8), codegen
+    return types.void(sets, types.int64, types.int64, float8, float8), codegen

@@ -153,6 +153,17 @@ def _exp2(typingctx: Any, x: Any) -> Any:
     return float8(float8), codegen
 
 
+@instructions_of(lanes.eighth_power)
+def _eighth_power(typingctx: Any, x: Any) -> Any:
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        power = args[0]
+        for _ in range(3):
+            power = builder.fmul(power, power)
+        return power
+
+    return float8(float8), codegen
+
+
 @instructions_of(lanes.sqrt)
 def _sqrt(typingctx: Any, x: Any) -> Any:
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:

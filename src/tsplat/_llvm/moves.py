@@ -45,6 +45,22 @@ def _store_half(typingctx: Any, array: Any, offset: Any, value: Any) -> Any:
     return types.void(array, types.int64, float8), codegen
 
 
+@instructions_of(moves.store_paired_halves)
+def _store_paired_halves(typingctx: Any, array: Any, offset: Any, low: Any, high: Any) -> Any:
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        shorts = ir.VectorType(ir.IntType(16), LANES)
+        low, high = (
+            builder.zext(builder.bitcast(builder.fptrunc(each, _HALF_VECTOR), shorts), INT_VECTOR)
+            for each in args[2:]
+        )
+        both = builder.or_(low, builder.shl(high, ir.Constant(INT_VECTOR, [16] * LANES)))
+        place = pointer(context, builder, sig.args[0], args[:2], VECTOR)
+        builder.store(builder.bitcast(both, VECTOR), place, align=4)
+        return context.get_dummy_value()
+
+    return types.void(array, types.int64, float8, float8), codegen
+
+
 @instructions_of(moves.store_rows)
 def _store_rows(typingctx: Any, array: Any, upper: Any, lower: Any, value: Any) -> Any:
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:

@@ -20,12 +20,13 @@ def bin_tiles(worker, frame):
     counts, cursors = frame.tile_counts[worker], frame.tile_cursors[worker]
     first, end = stretch(worker, frame.workers, frame.results[worker, VISIBLE])
     _gather_tiles(first, end, frame.order, frame.tiles, frame.sorted_tiles)
-    _count(first, end, frame.tile_columns, frame.sorted_tiles, counts)
+    _count(first, end, frame.tile_columns, frame.sorted_tiles, frame.tile_steps[worker], counts)
     if not meet(frame.team, frame.workers):
         return -1
     pairs = scan(worker, frame.tile_counts, 0, frame.tile_count, cursors)
     if pairs <= room(frame):
         _scatter(first, end, frame.tile_columns, frame.order, frame.sorted_tiles, cursors, frame.isect_ids)
+        frame.isect_ids[pairs : pairs + SLACK] = 0
     return pairs if meet(frame.team, frame.workers) else -1
 
 
@@ -43,23 +44,26 @@ def _gather_tiles(first, end, order, tiles, sorted_tiles):
 
 
 @part
-def _count(first, end, tile_columns, sorted_tiles, counts):
-    counts[:] = 0
+def _count(first, end, tile_columns, sorted_tiles, steps, counts):
+    """Count the splats of each tile: each is four steps at its corners, and a tile has the sum of those before it.
+
+    So no branch can be mispredicted. ``steps`` has a row and a column more than there are tiles.
+    """
+    steps[:] = 0
+    wide = tile_columns + 1
     for i in range(first, end):
         left, top, right, bottom = _corners(sorted_tiles[np.uint64(i)])
-        wide, high = right - left, bottom - top
-        if wide < 2 and high < 2:
-            # Most splats: four additions, some of zero, are quicker than loops whose ends nobody can predict.
-            corner = np.uint64(top * tile_columns + left)
-            counts[corner] += 1
-            counts[corner + np.uint64(wide)] += wide
-            corner += np.uint64(high * tile_columns)
-            counts[corner] += high
-            counts[corner + np.uint64(wide)] += wide * high
-            continue
-        for row in range(top, bottom + 1):
-            for tile in range(row * tile_columns + left, row * tile_columns + right + 1):
-                counts[np.uint64(tile)] += 1
+        upper, lower = top * wide, (bottom + 1) * wide
+        steps[np.uint64(upper + left)] += 1
+        steps[np.uint64(upper + right + 1)] -= 1
+        steps[np.uint64(lower + left)] -= 1
+        steps[np.uint64(lower + right + 1)] += 1
+    for row in range(len(counts) // tile_columns):
+        total = 0
+        for column in range(tile_columns):
+            total += steps[np.uint64(row * wide + column)]
+            above = counts[np.uint64((row - 1) * tile_columns + column)] if row > 0 else 0
+            counts[np.uint64(row * tile_columns + column)] = total + above
 
 
 @part
@@ -67,11 +71,16 @@ def _scatter(first, end, tile_columns, order, sorted_tiles, cursors, isect_ids):
     for i in range(first, end):
         record = order[np.uint64(i)]
         left, top, right, bottom = _corners(sorted_tiles[np.uint64(i)])
-        for row in range(top, bottom + 1):
-            for tile in range(row * tile_columns + left, row * tile_columns + right + 1):
-                t = np.uint64(tile)
-                isect_ids[np.uint64(cursors[t])] = record
-                cursors[t] += 1
+        tile, column, wide = top * tile_columns + left, 0, right - left + 1
+        # One loop over rows and columns: only its end can be mispredicted, not that of every row as well.
+        for _ in range(wide * (bottom - top + 1)):
+            t = np.uint64(tile)
+            isect_ids[np.uint64(cursors[t])] = record
+            cursors[t] += 1
+            column += 1
+            row_ends = column == wide
+            tile += tile_columns - wide + 1 if row_ends else 1
+            column = 0 if row_ends else column
 
 
 @part

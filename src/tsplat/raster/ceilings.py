@@ -9,9 +9,11 @@ import numpy as np
 
 from tsplat._bits import BATCH
 from tsplat._jit import kernel
-from tsplat.raster import record as col
+from tsplat.raster import member as col
+from tsplat.raster import record
 from tsplat.raster.buffers import aligned
 from tsplat.raster.composite import blend_cell
+from tsplat.raster.falloff import OFFSET, SCALE
 from tsplat.raster.prepare import prepared
 from tsplat.raster.tile import CELL_SIZE
 from tsplat.rendering import Rendering, RenderOptions
@@ -23,7 +25,7 @@ ROUNDS = 2000
 
 COPY_BYTES = 64 << 20
 
-RECORD_BYTES = 4 * col.LENGTH + 4 + 8
+RECORD_BYTES = 4 * record.LENGTH + 4 + 8
 """Of a visible splat: its record, its sort key, and its first and last tile."""
 
 
@@ -35,8 +37,8 @@ def blends_per_second() -> float:
     cell, batch = aligned(CELL_SIZE, np.float32), aligned((BATCH + 1) * col.LENGTH, np.float32)
     batch[:] = 0.0
     rows = batch.reshape(BATCH + 1, col.LENGTH)
-    rows[:, [col.CONIC_A, col.CONIC_C]] = -0.01
-    rows[:, col.LOG2_OPACITY], rows[:, col.LOG2_CUT] = -18.0, -30.0
+    rows[:, [col.CONIC_A, col.CONIC_C]] = -0.01 * SCALE
+    rows[:, col.PEAK], rows[:, col.CUT] = -18.0 * SCALE + OFFSET, -30.0 * SCALE + OFFSET
     rows[:, [col.RED, col.GREEN, col.BLUE]] = 0.5
 
     def blend() -> None:

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from tsplat._bits import spans
+from tsplat._bits import add_spans
 from tsplat._jit import part
-from tsplat._lanes import fma, load, maximum, minimum, splat, sqrt, where_above
+from tsplat._lanes import load, maximum, minimum, splat, sqrt, store
+from tsplat._moves import store_transposed
 from tsplat.raster import record as col
 
 TILE, CELL = 16, 4
@@ -19,30 +20,52 @@ TILE, CELL = 16, 4
 GRID = TILE // CELL
 CELLS = GRID * GRID
 
-# Lanes 0 to 3 find the right ends of the four rows of cells, lanes 4 to 7 the left ends, mirrored.
-ROW_TOP = np.tile(np.arange(GRID, dtype=np.float32) * CELL, 2)
-SIDE = np.repeat(np.asarray([1.0, -1.0], np.float32), GRID)
-LOWEST_END = np.repeat(np.asarray([-1.0, -GRID], np.float32), GRID)
-HIGHEST_END = np.repeat(np.asarray([GRID - 1.0, 0.0], np.float32), GRID)
-"""A row ends at a column; on the left columns are mirrored, and so negative. See `_bits.spans`."""
-
 MARGIN = 1e-3
-"""Pixels added to either end, more than rounding can take away."""
+"""Pixels added to either end, and squared pixels to a half width squared: more than rounding can take away."""
 
-BEYOND = np.repeat(np.asarray([MARGIN, CELL - 1.0 + MARGIN], np.float32), GRID)
-"""Added to an end, makes rounding down find the last column whose pixels are reached, on the left as well."""
+SHAPES = 2 * 8 * col.LENGTH + 8
+"""float32 values of the memory that `touch` needs: eight records row by row, then by column; then their cuts."""
+
+COLUMNS = 8 * col.LENGTH
+CUTS = 2 * COLUMNS
+
+NEEDLE = 1e-9
+"""The least that an ellipse narrows by, where rounding would leave nothing or less."""
 
 
 @part
-def cells_touched(records, at, left, top):
-    """Return which cells of the tile at (left, top) a record touches, member ``4 * row + column``."""
-    rightmost, side, zero = splat(records[at + col.RIGHTMOST]), load(SIDE, 0), splat(np.float32(0.0))
-    low = load(ROW_TOP, 0) - splat(records[at + col.Y] - top)
-    high = low + splat(np.float32(CELL - 1))
-    y = minimum(maximum(side * rightmost, low), high)
-    half_width2 = splat(records[at + col.HALF_WIDTH2]) - splat(records[at + col.NARROWING]) * y * y
-    middle = fma(splat(records[at + col.SLOPE]), y, splat(records[at + col.X] - left))
-    reach = fma(side, middle, sqrt(maximum(half_width2, zero)) + load(BEYOND, 0))
-    ends = reach * splat(np.float32(1.0 / CELL))
-    ends = where_above(half_width2, splat(np.float32(-MARGIN)), ends, splat(np.float32(-GRID)))
-    return spans(minimum(maximum(ends, load(LOWEST_END, 0)), load(HIGHEST_END, 0)))
+def touch(shapes, least_cut, drop, left, top, touched, at):
+    """Find which cells of the tile at (left, top) eight records touch, member ``4 * row + column``.
+
+    They lie in ``shapes``, row by row; the sets go into ``touched`` from ``at`` on. A splat is cut off at
+    ``least_cut``, or ``drop`` below its peak where that is higher. All is counted in cells from side to side, in
+    pixels from top to bottom. Of a row that is missed the ends are nan, and so nowhere.
+    """
+    store_transposed(shapes, COLUMNS, 8, shapes, 0, 8)
+    zero, four, cells = splat(np.float32(0.0)), splat(np.float32(GRID)), splat(np.float32(1.0 / CELL))
+    peak = load(shapes, COLUMNS + 8 * col.PEAK)
+    cut = maximum(peak - splat(drop), splat(least_cut))
+    store(shapes, CUTS, cut)
+    # Beside X, at the height dy, it reaches from slope dy - h to slope dy + h, h^2 = half_width2 - narrowing dy^2.
+    per_a = splat(np.float32(1.0)) / load(shapes, COLUMNS + 8 * col.CONIC_A)
+    slope = splat(np.float32(-0.5)) * load(shapes, COLUMNS + 8 * col.CONIC_B) * per_a
+    c_per_a = load(shapes, COLUMNS + 8 * col.CONIC_C) * per_a
+    narrowing = maximum(c_per_a - slope * slope, splat(np.float32(NEEDLE)))
+    half_width2 = (cut - peak) * per_a
+    rightmost = slope * sqrt(half_width2 / (narrowing * c_per_a))
+    leftmost = zero - rightmost
+    x, y = load(shapes, COLUMNS + 8 * col.X), load(shapes, COLUMNS + 8 * col.Y) - splat(np.float32(top))
+    # Rounded down, these and what is reached beyond them are how many cells are left out on either side.
+    from_left = (x - splat(np.float32(left - 1 + MARGIN))) * cells
+    from_right = (splat(np.float32(left + TILE - MARGIN)) - x) * cells
+    slope, narrowing = slope * cells, narrowing * cells * cells
+    half_width2 = (half_width2 + splat(np.float32(MARGIN))) * cells * cells
+    for lane in range(8):
+        touched[np.uint64(at + lane)] = 0
+    for row in range(GRID):
+        low = splat(np.float32(row * CELL)) - y
+        high = low + splat(np.float32(CELL - 1))
+        right_at, left_at = minimum(maximum(rightmost, low), high), minimum(maximum(leftmost, low), high)
+        before = from_left + slope * left_at - sqrt(half_width2 - narrowing * left_at * left_at)
+        after = from_right - slope * right_at - sqrt(half_width2 - narrowing * right_at * right_at)
+        add_spans(touched, at, row, maximum(minimum(before, four), zero), maximum(minimum(after, four), zero))

@@ -1,25 +1,27 @@
 """Stage 4: blend the splats of each tile, nearest first.
 
 Source: Kerbl et al. 2023, eq. 3 and section 6. Splats are taken in batches of up to 64 records, each
-with the set of cells it touches. A cell then blends its splats of the batch, and is left alone once all its
-pixels are finished.
+with the set of cells it touches, from which follow the splats of each cell. A cell then blends its splats
+of the batch, and is left alone once all its pixels are finished.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from tsplat._bits import BATCH, count, having, lanes_at_least, lowest, others
+from tsplat._bits import BATCH, count, lanes_at_least, lowest, others, transpose_sets
 from tsplat._jit import part
-from tsplat._lanes import exp2, fma, load, maximum, minimum, minus_abs, splat, store, where_above, where_at_least
-from tsplat._moves import prefetch
+from tsplat._lanes import fma, load, maximum, minimum, minus_abs, splat, store, where_above, where_at_least
+from tsplat._moves import load_half, prefetch
 from tsplat._threads import claim, meet
-from tsplat.raster import record as col
+from tsplat.raster import member as col
+from tsplat.raster import record as packed
 from tsplat.raster import tile as channel
-from tsplat.raster.cells import CELL, CELLS, GRID, TILE, cells_touched
+from tsplat.raster.cells import CELL, CELLS, CUTS, GRID, SHAPES, TILE, touch
+from tsplat.raster.falloff import LOG2_E, OFFSET, SCALE, alpha_of
 from tsplat.raster.frame import BLENDS, NEXT_TILE
-from tsplat.raster.tile import CELL_SIZE, TILE_SIZE, clear, write
-from tsplat.rendering import ALPHA_MAX, TRANSMITTANCE_MIN
+from tsplat.raster.tile import CELL_SIZE, TILE_SIZE, clear, write, write_background
+from tsplat.rendering import ALPHA_MAX, DEPTH_BITS_IGNORED, TRANSMITTANCE_MIN
 
 LANE_X = (np.arange(8) % CELL).astype(np.float32)
 LANE_Y = (np.arange(8) // CELL).astype(np.float32)
@@ -27,19 +29,20 @@ LANE_Y = (np.arange(8) // CELL).astype(np.float32)
 
 NOBODY = BATCH * col.LENGTH
 
-AHEAD = 16
-"""Records asked for before they are used: about what the first-level cache can wait for at once."""
+AHEAD = 48
+"""Records asked for before they are used: those of the next batch come while one is blended."""
 
 
 @part
 def composite(worker, frame):
     """Draw tiles until none is left; tiles own disjoint pixels, so workers never meet before the end."""
-    tile, batch = frame.scratch[worker, :TILE_SIZE], frame.scratch[worker, TILE_SIZE:]
-    touched, depths = frame.touched[worker], frame.image.depths
+    tile, behind = frame.scratch[worker, :TILE_SIZE], frame.scratch[worker, TILE_SIZE:]
+    shapes, batch = behind[:SHAPES], behind[SHAPES:]
+    touched, touching, depths = frame.touched[worker], frame.touching[worker], frame.image.depths
     isect_ends = frame.tile_cursors[frame.workers - 1]
     # Behind the last member, one that is never seen completes the threes.
     batch[NOBODY : NOBODY + col.LENGTH] = 0.0
-    batch[NOBODY + col.LOG2_CUT] = np.inf
+    batch[NOBODY + col.CUT] = np.inf
     blends = 0
     while True:
         t = claim(frame.team, NEXT_TILE)
@@ -47,13 +50,17 @@ def composite(worker, frame):
             frame.results[worker, BLENDS] = blends
             return meet(frame.team, frame.workers)
         left, top = t % frame.tile_columns * TILE, t // frame.tile_columns * TILE
-        live = clear(tile, frame.image.width - left, frame.image.height - top)
         next_, end = (isect_ends[t - 1] if t > 0 else 0), isect_ends[t]
+        if next_ == end:
+            write_background(tile, left, top, frame.image, depths)
+            continue
+        live = clear(tile, frame.image.width - left, frame.image.height - top)
         while next_ < end and live != 0:
-            next_ = _fill_batch(frame.isect_ids, next_, end, frame.records, left, top, live, batch, touched)
+            next_ = _fill_batch(frame, next_, end, left, top, live, batch, shapes, touched, depths)
+            transpose_sets(touched, touching)
             for cell in range(CELLS):
-                if live >> cell & 1:
-                    splats = having(touched, cell)
+                splats = touching[np.uint64(cell)]
+                if splats != np.uint64(0):
                     blends += count(splats)
                     x, y = left + cell % GRID * CELL, top + cell // GRID * CELL
                     if blend_cell(tile, cell * CELL_SIZE, x, y, batch, splats, depths):
@@ -62,21 +69,44 @@ def composite(worker, frame):
 
 
 @part
-def _fill_batch(isect_ids, next_, end, records, left, top, live, batch, touched):
-    """Copy the records of the next splats that touch a live cell, with these cells; return which comes after."""
-    x, y = np.float32(left), np.float32(top)
+def _fill_batch(frame, next_, end, left, top, live, batch, shapes, touched, depths):
+    """Unpack the next splats that touch a live cell, with these cells; return which comes after."""
+    isect_ids, records, halves = frame.isect_ids, frame.records, frame.halves
+    log2_alpha_min, squared_extent = frame.numbers[24:26]
+    least_cut = np.float32(SCALE) * log2_alpha_min + np.float32(OFFSET)
+    drop = np.float32(SCALE * 0.5 * LOG2_E) * squared_extent
     members = 0
-    while next_ < end and members < BATCH:
-        prefetch(records, np.int64(isect_ids[np.uint64(next_ + AHEAD)]) * col.LENGTH)
-        at = np.int64(isect_ids[np.uint64(next_)]) * col.LENGTH
-        cells = cells_touched(records, at, x, y) & live
-        store(batch, members * col.LENGTH, load(records, at))
-        store(batch, members * col.LENGTH + 8, load(records, at + 8))
-        touched[np.uint64(members)] = cells
-        members += 1 if cells != 0 else 0  # what touches nothing is overwritten
-        next_ += 1
+    while next_ < end and members <= BATCH - 8:
+        for lane in range(8):
+            prefetch(records, _record(isect_ids, next_ + AHEAD + lane) * packed.LENGTH)
+            store(shapes, lane * packed.LENGTH, load(records, _record(isect_ids, next_ + lane) * packed.LENGTH))
+        touch(shapes, least_cut, drop, left, top, touched, members)
+        found = members
+        for lane in range(min(8, end - next_)):
+            record, member = _record(isect_ids, next_ + lane), members * col.LENGTH
+            cells = touched[np.uint64(found + lane)] & live
+            store(batch, member, load(records, record * packed.LENGTH))
+            store(batch, member + col.UNPACKED, load_half(halves, (2 * record + 1) * packed.LENGTH))
+            batch[np.uint64(member + col.CUT)] = shapes[np.uint64(CUTS + lane)]
+            if depths is not None:
+                batch[np.uint64(member + col.DEPTH)] = _depth(frame.depth_keys[np.uint64(record)])
+            touched[np.uint64(members)] = cells
+            members += 1 if cells != 0 else 0  # what touches nothing is overwritten
+        next_ += 8
     touched[members:] = 0
-    return next_
+    return min(next_, end)
+
+
+@part
+def _record(isect_ids, i):
+    return np.int64(isect_ids[np.uint64(i)])
+
+
+@part
+def _depth(key):
+    """Return the middle of the depths that have this sort key."""
+    middle = np.uint32(1 << DEPTH_BITS_IGNORED - 1)
+    return np.uint32((key << np.uint32(DEPTH_BITS_IGNORED)) + middle).view(np.float32)
 
 
 @part
@@ -113,14 +143,14 @@ def _alphas(batch, member, x, y):
     """Return the alphas of a member of the batch in the upper and the lower eight pixels of a cell."""
     dx, dy = _value(batch, member + col.X) - x, _value(batch, member + col.Y) - y
     b_dx, c = _value(batch, member + col.CONIC_B) * dx, _value(batch, member + col.CONIC_C)
-    a_dx2 = fma(_value(batch, member + col.CONIC_A) * dx, dx, _value(batch, member + col.LOG2_OPACITY))
+    a_dx2 = fma(_value(batch, member + col.CONIC_A) * dx, dx, _value(batch, member + col.PEAK))
     upper = fma(fma(c, dy, b_dx), dy, a_dx2)
     dy = dy - splat(np.float32(2.0))
     lower = fma(fma(c, dy, b_dx), dy, a_dx2)
-    cut, most = _value(batch, member + col.LOG2_CUT), splat(np.float32(ALPHA_MAX))
+    cut, most = _value(batch, member + col.CUT), splat(np.float32(ALPHA_MAX))
     return (
-        where_at_least(upper, cut, minimum(exp2(upper), most)),
-        where_at_least(lower, cut, minimum(exp2(lower), most)),
+        where_at_least(upper, cut, minimum(alpha_of(upper), most)),
+        where_at_least(lower, cut, minimum(alpha_of(lower), most)),
     )
 
 

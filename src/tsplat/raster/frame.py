@@ -11,7 +11,7 @@ import numpy.typing as npt
 from tsplat import _threads
 from tsplat._bits import BATCH
 from tsplat.camera import Camera
-from tsplat.raster.cells import TILE
+from tsplat.raster.cells import CELLS, TILE
 from tsplat.raster.prepare import BLOCK, Prepared
 from tsplat.raster.record import LENGTH
 from tsplat.rendering import DEPTH_BITS_IGNORED, JACOBIAN_LIMIT, RenderOptions
@@ -25,19 +25,19 @@ NEXT_BLOCK, NEXT_TILE = _threads.FIRST_FREE, _threads.FIRST_FREE + 8
 
 COUNTERS = 2
 
-CACHES = 24 << 20
+CACHES = 12 << 20
 """Bytes of records that are not expected to be found again in any cache."""
 
 LOW_BITS = 11
 BUCKETS = 1 << (31 - DEPTH_BITS_IGNORED - LOW_BITS)
 """Of the second pass of the sort, which needs more: depths are positive, so there is no sign bit."""
 
-SCRATCH_ROWS = 24
+SCRATCH_ROWS = 21
 SCRATCH = SCRATCH_ROWS * BLOCK
 """float32 values of a worker's own memory; project and composite use it in turn, in the first-level cache."""
 
 SLACK = 64
-"""Entries behind the last one that may be read ahead, never used."""
+"""Entries behind the last one that are read ahead, never drawn; in ``isect_ids`` they are zero."""
 
 BLENDS, VISIBLE, LOWEST_KEY, HIGHEST_KEY = range(4)
 """Columns of ``results``: cells blended by this worker, records of all, the range of this worker's sort keys."""
@@ -65,7 +65,7 @@ class Frame(NamedTuple):
         The camera's and the options', see `camera_numbers`.
     blocks : ndarray of int32, [B]
         Which blocks of the scene are drawn.
-    records : ndarray of float32, [B * BLOCK * 16]
+    records : ndarray of float32, [B * BLOCK * 8]
         One row for each visible splat, see `record`; those of a block start where it would if only these were.
     depth_keys : ndarray of uint32, [B * BLOCK]
         What each record is sorted by.
@@ -91,6 +91,7 @@ class Frame(NamedTuple):
     base_colors: F32
     sh_rest: npt.NDArray[np.uint16]
     records: F32
+    halves: npt.NDArray[np.uint16]
     depth_keys: npt.NDArray[np.uint32]
     tiles: npt.NDArray[np.uint64]
     visible: npt.NDArray[np.int32]
@@ -102,10 +103,12 @@ class Frame(NamedTuple):
     isect_ids: npt.NDArray[np.int32]
     sort_counts: I32
     sort_cursors: I32
+    tile_steps: I32
     tile_counts: I32
     tile_cursors: I32
     scratch: F32
     touched: npt.NDArray[np.uint16]
+    touching: npt.NDArray[np.uint64]
     team: I64
     results: I64
     stamps: I64
@@ -138,9 +141,10 @@ def new_frame(
 def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs: int, blocks: int) -> Frame:
     """Return what frames of one size share; what each has of its own is empty."""
     buffers, padded = scene.buffers, blocks * BLOCK
-    tile_columns = -(-width // TILE)
-    tile_count = tile_columns * -(-height // TILE)
+    tile_columns, tile_rows = -(-width // TILE), -(-height // TILE)
+    tile_count = tile_columns * tile_rows
     empty = np.empty(0, np.float32)
+    records = buffers.array("records", padded * LENGTH, np.float32)
 
     def by_worker(name: str, length: int, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
         return buffers.array(name, workers * length, dtype)[: workers * length].reshape(workers, length)
@@ -159,7 +163,8 @@ def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs
         log2_opacities=scene.log2_opacities,
         base_colors=scene.base_colors,
         sh_rest=scene.sh_rest,
-        records=buffers.array("records", padded * LENGTH, np.float32),
+        records=records,
+        halves=records.view(np.uint16),
         depth_keys=buffers.array("depth_keys", padded, np.uint32),
         tiles=buffers.array("tiles", padded, np.uint64),
         visible=buffers.array("visible", blocks, np.int32)[:blocks],
@@ -171,10 +176,12 @@ def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs
         isect_ids=buffers.array("isect_ids", pairs + SLACK, np.int32),
         sort_counts=by_worker("sort_counts", BUCKETS, np.int32),
         sort_cursors=by_worker("sort_cursors", BUCKETS, np.int32),
+        tile_steps=by_worker("tile_steps", tile_count + tile_columns + tile_rows + 1, np.int32),
         tile_counts=by_worker("tile_counts", tile_count, np.int32),
         tile_cursors=by_worker("tile_cursors", tile_count, np.int32),
         scratch=by_worker("scratch", SCRATCH, np.float32),
         touched=by_worker("touched", BATCH, np.uint16),
+        touching=by_worker("touching", CELLS, np.uint64),
         team=_threads.new_team(COUNTERS),
         results=by_worker("results", 8, np.int64),
         stamps=buffers.array("stamps", len(STAGES), np.int64),

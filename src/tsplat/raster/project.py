@@ -11,30 +11,33 @@ import numpy as np
 
 from tsplat._bits import lanes_at_least
 from tsplat._jit import part
-from tsplat._lanes import load, splat, store
-from tsplat._moves import store_past_caches, store_transposed
+from tsplat._lanes import load, minimum, splat, store
+from tsplat._moves import store_paired_halves, store_past_caches, store_transposed
 from tsplat._threads import claim, meet
 from tsplat.raster import record as col
 from tsplat.raster.cells import TILE
+from tsplat.raster.falloff import LOG2_E, OFFSET, SCALE
 from tsplat.raster.frame import NEXT_BLOCK
 from tsplat.raster.prepare import BLOCK
 from tsplat.raster.sh import color_eight
 from tsplat.raster.sight import in_sight
 from tsplat.rendering import DEPTH_BITS_IGNORED
 
-LOG2_E = math.log2(math.e)
-
 STRIDE = np.uint64(BLOCK)
 """BLOCK, unsigned as the indices are: a constant distance that LLVM can prove free of overlap."""
 
-# Rows of the scratch memory of a block, BLOCK values each: first what goes into the record, in its order, then
+# Rows of the scratch memory of a block, BLOCK values each: first those of the record, then what is packed into it,
 # whether it is seen, and its first and last tile, the column in the low 16 bits of an integer, the row above.
-SEEN, FIRST_TILE, LAST_TILE = 15, 16, 17
+RED, GREEN, BLUE, DEPTH = 8, 9, 10, 11
+SEEN, FIRST_TILE, LAST_TILE = 12, 13, 14
 # Then what the loops hand to each other.
-INVERSE_Z, A, B, D, SQUARED_RADIUS = 18, 19, 20, 21, 22
+INVERSE_Z, A, B, D, SQUARED_RADIUS = 15, 16, 17, 18, 19
 
-ROWS_BY_SPLAT = 23 * BLOCK
+ROWS_BY_SPLAT = 20 * BLOCK
 """Behind these rows, the records of eight splats."""
+
+MOST_COLOR = 65504.0
+"""The largest half-precision number."""
 
 LOG2_TILE = np.int32(int(math.log2(TILE)))
 
@@ -61,7 +64,7 @@ def project(worker, frame):
             for first in range(0, BLOCK, 8):
                 if lanes_at_least(load(scratch, SEEN * BLOCK + first), half) != 0:
                     color_eight(start + first, frame.coefficients, frame.coefficients_stored, eye, frame.means,
-                                frame.base_colors, frame.sh_rest, scratch, col.RED * BLOCK + first)  # fmt: skip
+                                frame.base_colors, frame.sh_rest, scratch, RED * BLOCK + first)  # fmt: skip
         frame.visible[place] = _keep_visible(
             place * BLOCK, scratch, frame.past_caches, frame.records, frame.depth_keys, frame.tiles
         )
@@ -95,7 +98,7 @@ def _project_means(start, numbers, means, scratch):
         inverse_z = np.float32(1.0) / z
         scratch[np.uint64(col.X) * STRIDE + k] = (r00 * mx + r01 * my + r02 * mz + tx) * inverse_z
         scratch[np.uint64(col.Y) * STRIDE + k] = (r10 * mx + r11 * my + r12 * mz + ty) * inverse_z
-        scratch[np.uint64(col.DEPTH) * STRIDE + k], scratch[np.uint64(INVERSE_Z) * STRIDE + k] = z, inverse_z
+        scratch[np.uint64(DEPTH) * STRIDE + k], scratch[np.uint64(INVERSE_Z) * STRIDE + k] = z, inverse_z
 
 
 @part
@@ -124,8 +127,9 @@ def _project_covars(start, numbers, covars, scratch):
 
 @part
 def _fill_opacities(start, log2_opacities, scratch):
+    """Fill PEAK, still the logarithm of the opacity."""
     for j in range(BLOCK):
-        scratch[np.uint64(col.LOG2_OPACITY) * STRIDE + np.uint64(j)] = log2_opacities[np.uint64(start + j)]
+        scratch[np.uint64(col.PEAK) * STRIDE + np.uint64(j)] = log2_opacities[np.uint64(start + j)]
 
 
 @part
@@ -137,7 +141,7 @@ def _compensate_opacities(numbers, scratch):
         a, b = scratch[np.uint64(A) * STRIDE + k], scratch[np.uint64(B) * STRIDE + k]
         d = scratch[np.uint64(D) * STRIDE + k]
         share = ((a + reference) * (d + reference) - b * b) / ((a + added) * (d + added) - b * b)
-        scratch[np.uint64(col.LOG2_OPACITY) * STRIDE + k] += half * _log2(max(share, np.float32(1e-12)))
+        scratch[np.uint64(col.PEAK) * STRIDE + k] += half * _log2(max(share, np.float32(1e-12)))
 
 
 @part
@@ -145,24 +149,22 @@ def _shape_splats(numbers, scratch):
     """Widen the 2D covariance, and fill all that follows from it and the opacity alone."""
     added, log2_alpha_min, squared_extent = numbers[20], numbers[24], numbers[25]
     one, two_ln2, fold = np.float32(1.0), np.float32(2.0 / LOG2_E), np.float32(-0.5 * LOG2_E)
+    scale, offset = np.float32(SCALE), np.float32(OFFSET)
     for j in range(BLOCK):
         k = np.uint64(j)
         a, b = scratch[np.uint64(A) * STRIDE + k] + added, scratch[np.uint64(B) * STRIDE + k]
         d = scratch[np.uint64(D) * STRIDE + k] + added
         determinant = a * d - b * b
-        inverse, inverse_d = one / determinant, one / d
-        log2_opacity = scratch[np.uint64(col.LOG2_OPACITY) * STRIDE + k]
+        inverse = one / determinant
+        log2_opacity = scratch[np.uint64(col.PEAK) * STRIDE + k]
         squared_radius = min(two_ln2 * (log2_opacity - log2_alpha_min), squared_extent)
-        variance = determinant * inverse_d
+        conic = scale * fold * inverse
         scratch[np.uint64(A) * STRIDE + k], scratch[np.uint64(D) * STRIDE + k] = a, d
         scratch[np.uint64(SQUARED_RADIUS) * STRIDE + k] = squared_radius
-        scratch[np.uint64(col.CONIC_A) * STRIDE + k] = fold * d * inverse
-        scratch[np.uint64(col.CONIC_B) * STRIDE + k] = -(fold + fold) * b * inverse
-        scratch[np.uint64(col.CONIC_C) * STRIDE + k] = fold * a * inverse
-        scratch[np.uint64(col.LOG2_CUT) * STRIDE + k] = max(log2_alpha_min, log2_opacity + fold * squared_extent)
-        scratch[np.uint64(col.SLOPE) * STRIDE + k] = b * inverse_d
-        scratch[np.uint64(col.HALF_WIDTH2) * STRIDE + k] = variance * squared_radius
-        scratch[np.uint64(col.NARROWING) * STRIDE + k] = variance * inverse_d
+        scratch[np.uint64(col.CONIC_A) * STRIDE + k] = conic * d
+        scratch[np.uint64(col.CONIC_B) * STRIDE + k] = -(conic + conic) * b
+        scratch[np.uint64(col.CONIC_C) * STRIDE + k] = conic * a
+        scratch[np.uint64(col.PEAK) * STRIDE + k] = scale * log2_opacity + offset
 
 
 @part
@@ -174,21 +176,18 @@ def _place_splats(start, numbers, base_colors, scratch):
     padded = np.uint64(len(base_colors) // 3)
     for j in range(BLOCK):
         i, k = np.uint64(start + j), np.uint64(j)
-        a, b = scratch[np.uint64(A) * STRIDE + k], scratch[np.uint64(B) * STRIDE + k]
-        d, z = scratch[np.uint64(D) * STRIDE + k], scratch[np.uint64(col.DEPTH) * STRIDE + k]
-        squared_radius = scratch[np.uint64(SQUARED_RADIUS) * STRIDE + k]
+        a, d = scratch[np.uint64(A) * STRIDE + k], scratch[np.uint64(D) * STRIDE + k]
+        z, squared_radius = scratch[np.uint64(DEPTH) * STRIDE + k], scratch[np.uint64(SQUARED_RADIUS) * STRIDE + k]
         x = fx * scratch[np.uint64(col.X) * STRIDE + k] + cx - half
         y = fy * scratch[np.uint64(col.Y) * STRIDE + k] + cy - half
-        radius_over_a = math.sqrt(max(squared_radius, zero) / a)
-        radius_x, radius_y = radius_over_a * a, math.sqrt(max(squared_radius * d, zero))
+        radius_x, radius_y = math.sqrt(max(squared_radius * a, zero)), math.sqrt(max(squared_radius * d, zero))
         left, right = max(np.ceil(x - radius_x), zero), min(np.floor(x + radius_x), last_x)
         top, bottom = max(np.ceil(y - radius_y), zero), min(np.floor(y + radius_y), last_y)
         seen = (z > near) & (z < far) & (squared_radius > zero) & (left <= right) & (top <= bottom)
         scratch[np.uint64(col.X) * STRIDE + k], scratch[np.uint64(col.Y) * STRIDE + k] = x, y
-        scratch[np.uint64(col.RED) * STRIDE + k] = max(base_colors[i], zero)
-        scratch[np.uint64(col.GREEN) * STRIDE + k] = max(base_colors[padded + i], zero)
-        scratch[np.uint64(col.BLUE) * STRIDE + k] = max(base_colors[np.uint64(2) * padded + i], zero)
-        scratch[np.uint64(col.RIGHTMOST) * STRIDE + k] = b * radius_over_a
+        scratch[np.uint64(RED) * STRIDE + k] = max(base_colors[i], zero)
+        scratch[np.uint64(GREEN) * STRIDE + k] = max(base_colors[padded + i], zero)
+        scratch[np.uint64(BLUE) * STRIDE + k] = max(base_colors[np.uint64(2) * padded + i], zero)
         scratch[np.uint64(SEEN) * STRIDE + k] = one if seen else zero
         scratch[np.uint64(FIRST_TILE) * STRIDE + k] = _tile_of(left, top)
         scratch[np.uint64(LAST_TILE) * STRIDE + k] = _tile_of(right, bottom)
@@ -223,26 +222,35 @@ def _keep_visible(start, scratch, past_caches, records, depth_keys, tiles):
     kept = np.uint64(start)
     half = splat(np.float32(0.5))
     for first in range(0, BLOCK, 8):
-        for column in range(0, col.LENGTH, 8):
-            store_transposed(scratch, ROWS_BY_SPLAT + column, col.LENGTH, scratch, column * BLOCK + first, BLOCK)
+        _pack_colors(scratch, first)
+        store_transposed(scratch, ROWS_BY_SPLAT, col.LENGTH, scratch, first, BLOCK)
         if past_caches and lanes_at_least(load(scratch, SEEN * BLOCK + first), half) == 0xFF:
-            for half_row in range(0, 8 * col.LENGTH, 8):
-                store_past_caches(
-                    records, np.int64(kept) * col.LENGTH + half_row, load(scratch, ROWS_BY_SPLAT + half_row)
-                )
+            for row in range(0, 8 * col.LENGTH, col.LENGTH):
+                store_past_caches(records, np.int64(kept) * col.LENGTH + row, load(scratch, ROWS_BY_SPLAT + row))
         else:
-            row = kept
+            record = kept
             for lane in range(8):
-                at = np.int64(row) * col.LENGTH
-                store(records, at, load(scratch, ROWS_BY_SPLAT + lane * col.LENGTH))
-                store(records, at + 8, load(scratch, ROWS_BY_SPLAT + lane * col.LENGTH + 8))
-                row += _seen(scratch, np.uint64(first + lane))
+                store(records, np.int64(record) * col.LENGTH, load(scratch, ROWS_BY_SPLAT + lane * col.LENGTH))
+                record += _seen(scratch, np.uint64(first + lane))
         for lane in range(8):
             k = np.uint64(first + lane)
-            depth_keys[kept] = _word(scratch, col.DEPTH, k) >> np.uint64(DEPTH_BITS_IGNORED)
+            depth_keys[kept] = _word(scratch, DEPTH, k) >> np.uint64(DEPTH_BITS_IGNORED)
             tiles[kept] = _word(scratch, FIRST_TILE, k) | _word(scratch, LAST_TILE, k) << np.uint64(32)
             kept += _seen(scratch, k)
     return np.int32(kept - np.uint64(start))
+
+
+@part
+def _pack_colors(scratch, first):
+    """Fill COLOR of eight splats, and the column behind it."""
+    most = splat(np.float32(MOST_COLOR))
+    red, green = (
+        minimum(load(scratch, RED * BLOCK + first), most),
+        minimum(load(scratch, GREEN * BLOCK + first), most),
+    )
+    blue = minimum(load(scratch, BLUE * BLOCK + first), most)
+    store_paired_halves(scratch, col.COLOR * BLOCK + first, red, green)
+    store_paired_halves(scratch, (col.COLOR + 1) * BLOCK + first, blue, splat(np.float32(0.0)))
 
 
 @part

@@ -11,7 +11,7 @@ import numpy as np
 from tsplat._jit import part
 from tsplat._lanes import load, maximum, minus_abs, splat, store
 from tsplat._moves import store_rows, store_rows_rgb
-from tsplat.raster.cells import CELL, CELLS, GRID
+from tsplat.raster.cells import CELL, CELLS, GRID, TILE
 
 LIGHT, RED, GREEN, BLUE, DEPTH = 0, 16, 32, 48, 64
 """Where the channels of a cell begin, in float32 values. The light of a finished pixel is negative."""
@@ -53,6 +53,31 @@ def write(tile, left, top, image, depths):
             for row in range(y, min(y + CELL, height)):
                 for column in range(x, min(x + CELL, width)):
                     _write_pixel(tile, at + (row - y) * CELL + column - x, row * width + column, image, depths)
+
+
+@part
+def write_background(tile, left, top, image, depths):
+    """Put the background into the pixels of a tile that no splat touches; the tile's memory is overwritten."""
+    for value in range(24):
+        tile[value] = image.background[value % 3]
+    pixels1, pixels2, pixels3, zero = load(tile, 0), load(tile, 8), load(tile, 16), splat(np.float32(0.0))
+    for y in range(top, min(top + TILE, image.height)):
+        right = min(left + TILE, image.width)
+        for x in range(left, right - 7, 8):
+            pixel = y * image.width + x
+            store(image.colors, 3 * pixel, pixels1)
+            store(image.colors, 3 * pixel + 8, pixels2)
+            store(image.colors, 3 * pixel + 16, pixels3)
+            store(image.alphas, pixel, zero)
+            if depths is not None:
+                store(depths, pixel, zero)
+        for x in range(right - (right - left) % 8, right):
+            pixel = y * image.width + x
+            for channel in range(3):
+                image.colors[3 * pixel + channel] = image.background[channel]
+            image.alphas[pixel] = 0.0
+            if depths is not None:
+                depths[pixel] = 0.0
 
 
 @part
