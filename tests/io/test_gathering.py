@@ -182,4 +182,5 @@ def test_a_reader_holds_a_scene_once(
     path = made(tmp_path, suffix)
     whole = io.load(path)  # imports what it needs
     _, most = peak(lambda: io.load(path, max_splats=limit))
-    assert most < 1.1 * whole.nbytes + SLACK
+    # All planes of a SOG are unpacked side by side before the scene, which is counted here from the beginning.
+    assert most < (1.2 if suffix == "sog" else 1.1) * whole.nbytes + SLACK

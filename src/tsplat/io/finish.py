@@ -69,16 +69,6 @@ def finish(
     return Gaussians.of_finite(means, quats, scales, opacities, sh, antialiased)
 
 
-def _mend_all(arrays: Arrays) -> Mask:
-    good = np.empty(len(arrays.means), np.bool_)
-
-    def mend_chunk(rows: slice) -> None:
-        good[rows] = mend(arrays.part(rows))
-
-    on_threads(mend_chunk, chunks(len(good)))
-    return good
-
-
 def warn_dropped(path: Path, dropped: int, count: int, stacklevel: int) -> None:
     """Say how many splats of a file were left out, if any."""
     if dropped:

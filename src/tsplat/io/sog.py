@@ -51,16 +51,17 @@ def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) ->
     check_paid(path, scenes)
     k = max(scene.k for scene in scenes)
     arrays = Arrays.empty(sum(scene.kept for scene in scenes), k)
-    done = 0
+    done, finite = 0, True
     for number, scene in enumerate(scenes):
 
         def share(fraction: float, number: int = number) -> None:
             progress((number + fraction) / len(scenes))
 
-        read_scene(scene, arrays.part(slice(done, done + scene.kept)), share)
+        finite &= read_scene(scene, arrays.part(slice(done, done + scene.kept)), share)
         done += scene.kept
     antialiased = all(scene.meta.antialiased for scene in scenes)
-    gaussians = finish(path, *arrays, max_splats=options.max_splats, antialiased=antialiased)
+    good = np.ones(done, np.bool_) if finite else None
+    gaussians = finish(path, *arrays, good=good, max_splats=options.max_splats, antialiased=antialiased)
     progress(1.0)
     return gaussians
 
@@ -87,10 +88,10 @@ def check_paid(path: Path, scenes: list[Scene]) -> None:
         raise CorruptFileError(path, f"{problem}; fetch it again")
 
 
-def read_scene(scene: Scene, out: Arrays, progress: Callable[[float], None]) -> None:
+def read_scene(scene: Scene, out: Arrays, progress: Callable[[float], None]) -> bool:
     """Read the wanted splats of a scene; see `read_splats`."""
     with _open(scene.path) as files:
-        read_splats(files, scene.meta, scene.wanted, out, progress)
+        return read_splats(files, scene.meta, scene.wanted, out, progress)
 
 
 def _find_scenes(path: Path, level: int | None) -> list[Scene]:

@@ -64,10 +64,10 @@ class Levels:
         """
         file, counts = self.files[number], self.counts[number]
         arrays = Arrays.empty(file.kept + 1, self.coefficients)
-        read_scene(file, arrays.part(slice(0, file.kept)), progress)
+        finite = read_scene(file, arrays.part(slice(0, file.kept)), progress)
         for array, value in zip(arrays, (0.0, 1.0, 1.0, 0.0, 0.0), strict=True):
             array[-1] = value
-        good = mend_all(arrays)
+        good = np.ones(len(arrays.means), np.bool_) if finite else mend_all(arrays)
         ends = np.concatenate(([0], np.cumsum(good)))[np.concatenate(([0], np.cumsum(counts)))]
         return Arrays(*(keep(array, good) for array in arrays)), ends
 

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tsplat.io.arrays import F32, Arrays, chunks
+from tsplat.io.finish import make_unit
 from tsplat.io.smallest_three import BY_COMPONENT, fill_quats
 from tsplat.io.sog_files import Files
 from tsplat.io.sog_meta import LEVELS, PALETTE_MAX, Meta, Palette
@@ -69,8 +70,8 @@ def count_coefficients(files: Files, meta: Meta) -> int:
 
 def read_splats(
     files: Files, meta: Meta, wanted: Mask | None, out: Arrays, progress: Callable[[float], None]
-) -> None:
-    """Read the splats of a scene.
+) -> bool:
+    """Read the splats of a scene, with unit quats, and tell whether all can be drawn: no table holds nan or inf.
 
     Parameters
     ----------
@@ -92,19 +93,21 @@ def read_splats(
     """
     planes = _Planes(files, meta.count, wanted)
     parts = list(chunks(len(out.means)))
-    whole = len(STEPS) * len(parts) + 1
+    fills: list[Fill] = []
+
+    def read(step: Step) -> None:
+        fills.append(step(planes, meta, out))
 
     def work() -> Iterator[tuple[Fill, slice]]:
-        done = 0
-        for step in STEPS:
-            fill = step(planes, meta, out)
-            for rows in parts:
+        while fills:  # and their planes, which are not needed any more when they are done
+            fill = fills.pop()
+            for done, rows in enumerate(parts):
                 yield fill, rows
-                done += 1
-                progress(done / whole)
-            del fill  # and its planes, before others are read
+                progress(1.0 - (len(fills) + 1 - done / len(parts)) / (len(STEPS) + 1))
 
+    on_threads(read, STEPS)
     on_threads(lambda item: item[0](item[1]), work())
+    return planes.finite
 
 
 class _Planes:
@@ -112,6 +115,16 @@ class _Planes:
 
     def __init__(self, files: Files, count: int, wanted: Mask | None) -> None:
         self.files, self._count, self._wanted = files, count, wanted
+        self.finite = True
+        """Whether all tables hold numbers that are neither nan nor inf."""
+
+    def table(self, values: npt.NDArray[np.floating]) -> F32:
+        """Return what the values of planes stand for, in float32."""
+        with np.errstate(over="ignore"):
+            table = values.astype(np.float32)
+        if not np.isfinite(table).all():
+            self.finite = False
+        return table
 
     def read(self, name: str, check: Callable[[str, U8], None] = lambda *_: None) -> U8:
         """Return the pixels of wanted splats, uint8 [N, 4], after a check of all."""
@@ -132,7 +145,7 @@ def _means(planes: _Planes, meta: Meta, out: Arrays) -> Fill:
     with np.errstate(over="ignore", invalid="ignore"):
         for least, most in zip(meta.mins, meta.maxs, strict=True):
             logs = least * (1.0 - steps) + most * steps
-            tables.append((np.sign(logs) * np.expm1(np.abs(logs))).astype(np.float32))
+            tables.append(planes.table(np.sign(logs) * np.expm1(np.abs(logs))))
 
     def fill(rows: slice) -> None:
         for axis, table in enumerate(tables):
@@ -151,20 +164,20 @@ def _quats(planes: _Planes, meta: Meta, out: Arrays) -> Fill:
     def fill(rows: slice) -> None:
         small = np.take(SMALL, pixels[rows, :3], mode="clip")
         fill_quats(small, pixels[rows, 3] - QUAT_TAG, BY_COMPONENT, out.quats[rows])
+        make_unit(out.quats[rows])
 
     return fill
 
 
 def _scales(planes: _Planes, meta: Meta, out: Arrays) -> Fill:
     with np.errstate(over="ignore"):
-        table = np.exp(meta.scale_values.astype(np.float32))
+        table = planes.table(np.exp(meta.scale_values.astype(np.float32)))
     pixels = planes.read(meta.scales, _three_of(planes, table))
     return lambda rows: _look_up(table, pixels[rows], out.scales[rows])
 
 
 def _colors(planes: _Planes, meta: Meta, out: Arrays) -> Fill:
-    with np.errstate(over="ignore"):
-        table, opacities = meta.sh0_values.astype(np.float32), meta.opacity_values.astype(np.float32)
+    table, opacities = planes.table(meta.sh0_values), planes.table(meta.opacity_values)
     pixels = planes.read(meta.sh0, _three_of(planes, table))
     fill_rest = _rest(planes, meta.palette, out) if meta.palette else None
 
@@ -179,7 +192,10 @@ def _colors(planes: _Planes, meta: Meta, out: Arrays) -> Fill:
     return fill
 
 
-STEPS = _means, _quats, _scales, _colors
+Step = Callable[[_Planes, Meta, Arrays], Fill]
+
+STEPS: tuple[Step, ...] = _means, _colors, _quats, _scales
+"""Those that take longest come first."""
 
 
 def _three_of(planes: _Planes, table: F32) -> Callable[[str, U8], None]:
@@ -220,8 +236,7 @@ def _centroids(planes: _Planes, palette: Palette, k: int) -> F32:
     entries = plane[..., :3].reshape(held, width, 3)[:count]
     planes.check_entries(name, entries, len(palette.values))
     centroids = np.zeros((count, k, 3), np.float32)
-    with np.errstate(over="ignore"):
-        values = palette.values.astype(np.float32)
+    values = planes.table(palette.values)
     for rows in chunks(count):
         centroids[rows, 1 : 1 + width] = np.take(values, entries[rows], mode="clip")
     return centroids
