@@ -112,8 +112,9 @@ class Camera:
     @property
     def eye(self) -> F64:
         """Position of the camera in the world, float64 [3]."""
-        rotation: F64 = self.viewmat[:3, :3]
-        return -rotation.T @ self.viewmat[:3, 3]
+        # Without NumPy's matrices, which take longer than all else that a frame asks of its camera.
+        (a, b, c, x), (d, e, f, y), (g, h, i, z), _ = self.viewmat.tolist()
+        return np.array([-(a * x + d * y + g * z), -(b * x + e * y + h * z), -(c * x + f * y + i * z)])
 
     @property
     def fov_y(self) -> float:
