@@ -191,6 +191,21 @@ def test_bounds_of_any_size_warn_of_nothing_but_the_splats(tmp_path: Path, value
         assert len(load_bytes(tmp_path, ply_bytes(elements))) == 0
 
 
+def test_bounds_that_signal_nan_warn_of_nothing_but_the_splats(tmp_path: Path) -> None:
+    elements = small_tables(0)
+    rows = np.asarray(elements[0].rows, np.float32)
+    marked = float(np.float32(1.5))
+    rows[0, 0] = marked
+    elements[0].rows = rows.tolist()
+    raw = ply_bytes(elements)
+    place = raw.index(np.float32(marked).tobytes(), raw.index(b"end_header"))
+    signalling = (0x7F800001).to_bytes(4, "little")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.simplefilter("ignore", LoadWarning)
+        assert len(load_bytes(tmp_path, raw[:place] + signalling + raw[place + 4 :])) == 0
+
+
 LIES: dict[str, tuple[Callable[[bytes], bytes], str]] = {
     "a huge count": (
         lambda raw: raw.replace(b"vertex 3", b"vertex 9" + b"0" * 14),

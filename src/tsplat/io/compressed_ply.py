@@ -183,9 +183,9 @@ def _read_bounds(file: BinaryIO, path: Path, header: Header, chunk: Element) -> 
         )
         for _, rows in _blocks(file, path, header, chunk)
     ]
-    bounds = np.concatenate([np.empty((0, len(names))), *blocks]).astype(np.float64)
-    bounds[:, 12:] = (bounds[:, 12:] - 0.5) / SH_C0
-    with np.errstate(over="ignore"):
+    with np.errstate(over="ignore", invalid="ignore"):  # of numbers that their splats are left out for
+        bounds = np.concatenate([np.empty((0, len(names))), *blocks]).astype(np.float64)
+        bounds[:, 12:] = (bounds[:, 12:] - 0.5) / SH_C0
         return [np.ascontiguousarray(three, np.float32) for three in np.split(bounds, 6, axis=1)]
 
 
