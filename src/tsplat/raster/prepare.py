@@ -33,7 +33,7 @@ BOUNDS = 5
 
 
 HALF_MAX = 65504.0
-"""The largest half-precision number; no trained harmonic comes near it."""
+"""The largest half-precision number; no trained harmonic or colour comes near it."""
 
 INVISIBLE = -1000.0
 """Base-2 logarithm of the opacity of a padding splat: no alpha_min is so small."""

@@ -1,4 +1,4 @@
-"""Stage 1: splats to 2D. Visible ones become records of one cache line each, colour included.
+"""Stage 1: splats to 2D. Visible ones become records of half a cache line each, colour included.
 
 Source: Zwicker et al. 2002, *EWA Splatting*, eq. 31; Kerbl et al. 2023, eq. 5.
 """
@@ -18,7 +18,7 @@ from tsplat.raster import record as col
 from tsplat.raster.cells import TILE
 from tsplat.raster.falloff import LOG2_E, OFFSET, SCALE
 from tsplat.raster.frame import NEXT_BLOCK
-from tsplat.raster.prepare import BLOCK
+from tsplat.raster.prepare import BLOCK, HALF_MAX
 from tsplat.raster.sh import color_eight
 from tsplat.raster.sight import in_sight
 from tsplat.rendering import DEPTH_BITS_IGNORED
@@ -35,9 +35,6 @@ INVERSE_Z, A, B, D, SQUARED_RADIUS = 15, 16, 17, 18, 19
 
 ROWS_BY_SPLAT = 20 * BLOCK
 """Behind these rows, the records of eight splats."""
-
-MOST_COLOR = 65504.0
-"""The largest half-precision number."""
 
 LOG2_TILE = np.int32(int(math.log2(TILE)))
 
@@ -243,7 +240,7 @@ def _keep_visible(start, scratch, past_caches, records, depth_keys, tiles):
 @part
 def _pack_colors(scratch, first):
     """Fill COLOR of eight splats, and the column behind it."""
-    most = splat(np.float32(MOST_COLOR))
+    most = splat(np.float32(HALF_MAX))
     red, green = (
         minimum(load(scratch, RED * BLOCK + first), most),
         minimum(load(scratch, GREEN * BLOCK + first), most),
