@@ -253,6 +253,22 @@ def test_a_printed_picture_is_relative_to_a_guess_where_no_focal_is_known(scene:
     assert guessed == told != classic
 
 
+def test_an_error_that_ctrl_c_set_off_is_an_interruption_and_any_other_is_shown(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        try:
+            raise KeyboardInterrupt
+        finally:
+            raise RuntimeError("cannot release un-acquired lock")
+
+    monkeypatch.setattr(cli, "open_scene", interrupted)
+    assert cli.main(["render", "demo", "-o", "x.png"]) == 130
+    monkeypatch.setattr(cli, "open_scene", lambda *_: [][0])
+    with pytest.raises(IndexError):
+        cli.main(["render", "demo", "-o", "x.png"])
+
+
 def test_a_picture_of_an_empty_scene_is_no_error(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     path = save(tmp_path / "empty.ply", random_gaussians(np.random.default_rng(0), 0))
     assert cli.main(["render", str(path), "-o", str(tmp_path / "x.png"), "--width", "9", "--height", "9"]) == 0

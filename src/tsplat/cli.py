@@ -54,6 +54,17 @@ def main(args: Sequence[str] | None = None) -> int:
             return _fail(f"{error.format_message().rstrip('.')}; see '{context} --help'")
         except (click.ClickException, TsplatError) as error:
             return _fail(error.format_message() if isinstance(error, click.ClickException) else str(error))
+        except Exception as error:
+            if not _interrupted(error):
+                raise
+            return 130
+
+
+def _interrupted(error: BaseException | None) -> bool:
+    """Tell whether Ctrl-C is behind an error: code that it strikes while it cleans up may say something else."""
+    while error and not isinstance(error, KeyboardInterrupt):
+        error = error.__context__
+    return error is not None
 
 
 def _fail(text: str) -> int:

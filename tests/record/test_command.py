@@ -194,9 +194,9 @@ def test_ctrl_c_leaves_the_old_file_and_nothing_half_written(scene: Path, tmp_pa
     assert process.poll() is None
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=60)
-    assert process.returncode == 130
+    assert b"Traceback" not in err, err.decode()
+    assert process.returncode == 130, err.decode()
     assert out == b""
-    assert b"Traceback" not in err
     assert path.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [path]
 
