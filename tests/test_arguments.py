@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from tsplat._arguments import described, flat, packing
+from tsplat._arguments import described, flat, flat_job, known, packing
 from tsplat._jit import JIT, Kernel, kernel
 
 compiled_only = pytest.mark.skipif(not JIT, reason="needs compiled kernels")
@@ -104,6 +104,12 @@ def test_types_are_told_apart_by_all_that_machine_code_depends_on() -> None:
 def test_arguments_take_eight_bytes_each() -> None:
     types, values = flat((1, 2.0, np.float32(3.0), None, True, (np.zeros(2), np.uint64(2**64 - 1))))
     assert len(packing(types).pack(*values)) == 8 * 6
+
+
+@pytest.mark.parametrize("fields", [0, 1, 3, 4])
+def test_a_job_of_which_some_is_known_is_the_same_job(fields: int) -> None:
+    job = (1, np.zeros(2), (np.zeros((3, 2), np.int32), 2.0), None)
+    assert flat_job(job, known(job[len(job) - fields :])) == flat((0, job))
 
 
 @compiled_only

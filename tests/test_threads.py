@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 import time
 import warnings
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
 from tsplat import _threads
-from tsplat._jit import kernel
+from tsplat._jit import JIT, Work, kernel
+from tsplat.raster import crew
 from tsplat.raster.workers import on_threads
+
+compiled_only = pytest.mark.skipif(not JIT, reason="needs compiled kernels")
 
 WORKERS = 3
 ROUNDS = 200
@@ -49,6 +55,21 @@ def _wait(worker, job):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def _exchange(counters, expected, value):  # type: ignore[no-untyped-def]
+    return _threads.exchange(counters, 1, expected, value)
+
+
+@kernel
+def _enter(entry, arguments, result):  # type: ignore[no-untyped-def]
+    return _threads.enter(entry, arguments, result)
+
+
+@kernel
+def _add(worker, numbers):  # type: ignore[no-untyped-def]
+    return worker + numbers[0]
+
+
+@kernel
 def _time():  # type: ignore[no-untyped-def]
     return _threads.nanoseconds()
 
@@ -64,17 +85,76 @@ def test_nobody_leaves_a_meeting_before_all_have_come() -> None:
     assert on_threads(WORKERS, team, _rounds.on((team, places))) == 0
 
 
-def test_a_worker_that_never_comes_does_not_keep_the_others_waiting() -> None:
+def test_a_worker_that_never_comes_does_not_keep_the_others_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
     team = _threads.new_team(0)
+    work = _wait.on(team)
 
-    def come(worker: int) -> bool:
+    def interrupted(worker: int) -> bool:
         if worker == 0:
             raise KeyboardInterrupt
-        assert not _wait(worker, team)
-        return True
+        return bool(work(worker))
 
+    if JIT:
+        monkeypatch.setattr(Work, "__call__", lambda _, worker: interrupted(worker))
     with pytest.raises(KeyboardInterrupt):
-        on_threads(WORKERS, team, come)
+        on_threads(WORKERS, team, work if JIT else interrupted)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("function", [_exchange, _threads.exchange])
+@pytest.mark.parametrize(("expected", "after"), [(5, 9), (4, 5)])
+def test_a_counter_is_exchanged_only_where_it_is_what_is_expected(
+    function: Callable[..., bool], expected: int, after: int
+) -> None:
+    counters = np.array([5, 5, 5])
+    place = () if function is _exchange else (1,)
+    assert function(counters, *place, expected, 9) == (after == 9)
+    assert counters.tolist() == [5, after, 5]
+
+
+@compiled_only
+@pytest.mark.parametrize("function", [_enter, _threads.enter])
+def test_machine_code_is_entered_by_its_address(function: Callable[..., int]) -> None:
+    packed, result = np.zeros(2, np.int64), np.zeros(1, np.int64)
+    work = _add.on(np.array([30]))
+    entry = work.put(packed.data.cast("B"), 7)
+    assert function(entry, packed.ctypes.data, result.ctypes.data) == 0
+    assert result[0] == 37
+
+
+@pytest.mark.parametrize("pause", [0.0, 0.0005, 0.001, 0.01])
+def test_threads_do_their_work_after_whatever_pause(pause: float) -> None:
+    team, taken = _threads.new_team(1), np.zeros((WORKERS, 300), np.int64)
+    work = _numbers.on((team, taken))
+    for _ in range(30):
+        taken[:] = 0
+        on_threads(WORKERS, team, work)
+        assert (taken.sum(0) == 1).all()
+        time.sleep(pause)
+
+
+@compiled_only
+def test_the_threads_of_a_crew_end_when_it_is_dismissed() -> None:
+    mates = [crew.Mate() for _ in range(3)]
+    team, taken = _threads.new_team(1), np.zeros((1, 100), np.int64)
+    mates[1].start(_numbers.on((team, taken)), 0)
+    for mate in mates:
+        mate.dismiss()
+    assert (taken == 1).all()
+    assert not any(mate.thread.is_alive() for mate in mates)
+
+
+@pytest.mark.parametrize("pause", [0.0, 0.1])
+def test_threads_without_work_keep_no_process_from_ending(pause: float) -> None:
+    code = f"""
+import time
+import numpy as np
+from tests.test_threads import WORKERS, _numbers, _threads, on_threads
+team = _threads.new_team(1)
+on_threads(WORKERS, team, _numbers.on((team, np.zeros((WORKERS, 50), np.int64))))
+time.sleep({pause})
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=60, check=False)
+    assert (done.returncode, done.stderr) == (0, b"")
 
 
 def test_kernels_and_python_read_the_same_clock() -> None:

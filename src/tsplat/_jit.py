@@ -5,12 +5,16 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from typing import Any, Generic, NamedTuple, ParamSpec, TypeVar
+from struct import Struct
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, ParamSpec, TypeVar
 
-from tsplat._arguments import Types, described, flat, packing
+from tsplat._arguments import Known, Types, described, flat, flat_job, packing
 from tsplat._parts import JIT, PARTS, part
 
-__all__ = ["JIT", "Kernel", "Progress", "kernel", "part", "progress"]
+if TYPE_CHECKING:
+    from tsplat._machine_code import Linked
+
+__all__ = ["JIT", "Kernel", "Progress", "Work", "kernel", "part", "progress"]
 
 P = ParamSpec("P")
 Result = TypeVar("Result")
@@ -50,6 +54,33 @@ def progress() -> Progress | None:
     return Progress(len(known & _watch.done), len(known), time.perf_counter() - _watch.start)
 
 
+class _Code(NamedTuple):
+    """A kernel for arguments of some types: what packs their values, and the machine code that takes them."""
+
+    packing: Struct
+    linked: Linked
+
+    def __call__(self, values: list[Any]) -> Any:
+        return self.linked.run(self.packing.pack(*values))
+
+
+class Work(Generic[Result]):
+    """A kernel and a job, which was looked at once for all workers; a function of the worker's number."""
+
+    def __init__(self, code: _Code, job: Any, values: list[Any]) -> None:
+        self._code, self._values = code, values
+        self._job = job  # values are addresses of what it holds
+
+    def __call__(self, worker: int) -> Result:
+        result: Result = self._code([worker, *self._values])
+        return result
+
+    def put(self, place: memoryview, worker: int) -> int:
+        """Leave a worker's packed arguments in a place; return the address of the entry that takes them."""
+        self._code.packing.pack_into(place, 0, worker, *self._values)
+        return self._code.linked.entry
+
+
 class Kernel(Generic[P, Result]):
     """A function as machine code, made for the types of its arguments when it is first called with them.
 
@@ -62,7 +93,7 @@ class Kernel(Generic[P, Result]):
 
     def __init__(self, function: Callable[P, Result]) -> None:
         self.function = function
-        self.codes: dict[Types, Callable[[list[Any]], Any]] = {}
+        self.codes: dict[Types, _Code] = {}
         self.__name__, self.__doc__ = function.__name__, function.__doc__
         _watch.kernels.append(function)
 
@@ -75,31 +106,28 @@ class Kernel(Generic[P, Result]):
         result: Result = self._code(types, args)(values)
         return result
 
-    def on(self, job: Any) -> Callable[[int], Result]:
-        """Return ``function(worker, job)`` as a function of the worker; the job is looked at only once."""
+    def on(self, job: Any, known: Known | None = None) -> Work[Result]:
+        """Return ``function(worker, job)`` as a function of the worker; the job is looked at only once.
+
+        What is ``known`` of its last fields is not even looked at.
+        """
         if not JIT:
-            return lambda worker: self.function(worker, job)  # type: ignore[call-arg, arg-type]
-        types, (_, *values) = flat((0, job))
-        code = self._code(types, (0, job))
-
-        def run(worker: int, _keep_alive: Any = job) -> Result:
-            result: Result = code([worker, *values])
-            return result
-
-        return run
+            return lambda worker: self.function(worker, job)  # type: ignore[call-arg, return-value]
+        types, (_, *values) = flat_job(job, known) if known else flat((0, job))
+        return Work(self._code(types, (0, job)), job, values)
 
     def ready(self, *args: Any) -> bool:
         """Tell whether a call with such arguments would compile nothing."""
         return not JIT or self._find(flat(args).types) is not None
 
-    def _code(self, types: Types, args: tuple[Any, ...]) -> Callable[[list[Any]], Any]:
+    def _code(self, types: Types, args: tuple[Any, ...]) -> _Code:
         found = self._find(types)
         if found is None:
             with _compiling:
                 found = self._find(types) or self._compiled(types, args)
         return found
 
-    def _find(self, types: Types) -> Callable[[list[Any]], Any] | None:
+    def _find(self, types: Types) -> _Code | None:
         """Return the machine code for these types where it is loaded or kept."""
         found = self.codes.get(types)
         if found is None:
@@ -110,7 +138,7 @@ class Kernel(Generic[P, Result]):
                 found = self._remember(types, code)
         return found
 
-    def _compiled(self, types: Types, args: tuple[Any, ...]) -> Callable[[list[Any]], Any]:
+    def _compiled(self, types: Types, args: tuple[Any, ...]) -> _Code:
         from tsplat._compiler import compile_kernel  # brings in Numba
         from tsplat._kernel_cache import keep, place
 
@@ -120,11 +148,10 @@ class Kernel(Generic[P, Result]):
         keep(place(self.function, described(types)), code)
         return self._remember(types, code)
 
-    def _remember(self, types: Types, code: Any) -> Callable[[list[Any]], Any]:
+    def _remember(self, types: Types, code: Any) -> _Code:
         from tsplat._machine_code import linked
 
-        run, pack = linked(code), packing(types).pack
-        found = self.codes[types] = lambda values: run(pack(*values))
+        found = self.codes[types] = _Code(packing(types), linked(code))
         return found
 
 

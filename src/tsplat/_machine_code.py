@@ -16,6 +16,8 @@ from typing import Any, NamedTuple
 import llvmlite.binding as llvm
 import numpy as np
 
+from tsplat._arguments import ENTRY_TYPE
+
 ENTRY = "tsplat_entry"
 
 RESULTS: dict[str, tuple[Any, Callable[[Any], Any]]] = {
@@ -27,7 +29,8 @@ RESULTS: dict[str, tuple[Any, Callable[[Any], Any]]] = {
 }
 """What a kernel may return: how it leaves it, and what Python gets."""
 
-_ENTRY_TYPE = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_char_p, ctypes.c_void_p)
+BEYOND = "a kernel looked beyond the end of an array"
+"""What an entry says by any number but 0."""
 
 _engines: list[llvm.ExecutionEngine] = []
 """What holds machine code: as long as the process lives, for a thread may be running it when all else ends."""
@@ -57,8 +60,16 @@ def from_bytes(kept: bytes) -> MachineCode | None:
     return MachineCode(result.decode(), object_file)
 
 
-def linked(code: MachineCode) -> Callable[[bytes], Any]:
-    """Return a function of packed arguments; it lets go of the interpreter lock while it runs."""
+class Linked(NamedTuple):
+    """Machine code that can run: by the address of its entry, or as a function of packed arguments."""
+
+    entry: int
+    run: Callable[[bytes], Any]
+    """It lets go of the interpreter lock."""
+
+
+def linked(code: MachineCode) -> Linked:
+    """Return machine code as part of this process."""
     with _lock:  # LLVM's linker is not made for several threads
         llvm.initialize_native_target()
         llvm.initialize_native_asmprinter()
@@ -69,16 +80,17 @@ def linked(code: MachineCode) -> Callable[[bytes], Any]:
         _engines.append(engine)
         engine.add_object_file(llvm.ObjectFileRef.from_data(code.object_file))
         engine.finalize_object()
-        entry = _ENTRY_TYPE(engine.get_function_address(ENTRY))
+        address = engine.get_function_address(ENTRY)
+    enter = ENTRY_TYPE(address)
     place_type, result = RESULTS[code.result]
 
     def run(arguments: bytes) -> Any:
         place = place_type()
-        if entry(arguments, ctypes.byref(place)):
-            raise IndexError("a kernel looked beyond the end of an array")
+        if enter(arguments, ctypes.byref(place)):
+            raise IndexError(BEYOND)
         return result(place.value)
 
-    return run
+    return Linked(address, run)
 
 
 @lru_cache(maxsize=1)

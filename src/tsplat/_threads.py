@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from tsplat._arguments import ENTRY_TYPE
 from tsplat._parts import part
 
 ARRIVED, ROUND, ABANDONED, FIRST_FREE = 0, 8, 16, 24
@@ -46,6 +47,23 @@ def look(team: Any, place: int) -> int:
 def clear(team: Any, place: int) -> None:
     """Set a counter to 0."""
     team[place] = 0
+
+
+def exchange(team: Any, place: int, expected: int, value: int) -> bool:
+    """Set a counter that is what is expected to a value, in one step; return False where it is not."""
+    with _lock:
+        found = int(team[place]) == expected
+        if found:
+            team[place] = value
+        return found
+
+
+def enter(entry: int, arguments: int, result: int) -> int:
+    """Call machine code by its address, with those of its packed arguments and of a place for what it returns.
+
+    Return 0 unless it failed; see `tsplat._machine_code`.
+    """
+    return int(ENTRY_TYPE(entry)(arguments, result))
 
 
 def give_way() -> None:

@@ -59,14 +59,15 @@ class WarmUp:
 
 
 def draw_tiny(options: RenderOptions | None = None) -> None:
-    """Draw a few splats on one thread, with arguments of the types that every scene has.
+    """Draw a few splats with arguments of the types that every scene has, and be ready for several threads.
 
-    One thread, because a pool of them would have to end before the process can.
+    One thread draws, as this may go on when the process ends.
     """
-    from tsplat.raster import rasterize
+    from tsplat.raster import crew, rasterize
 
     if not JIT:
         return
+    crew.make_ready()
     gaussians = Gaussians(
         means=np.zeros((SPLATS, 3), np.float32),
         quats=np.tile(np.array([1, 0, 0, 0], np.float32), (SPLATS, 1)),

@@ -44,6 +44,25 @@ def _clear(typingctx: Any, team: Any, place: Any) -> Any:
     return types.void(team, types.int64), codegen
 
 
+@instructions_of(threads.exchange)
+def _exchange(typingctx: Any, team: Any, place: Any, expected: Any, value: Any) -> Any:
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        counter = pointer(context, builder, sig.args[0], args[:2])
+        return builder.extract_value(builder.cmpxchg(counter, *args[2:], "seq_cst", "seq_cst"), 1)
+
+    return types.boolean(team, types.int64, types.int64, types.int64), codegen
+
+
+@instructions_of(threads.enter)
+def _enter(typingctx: Any, entry: Any, arguments: Any, result: Any) -> Any:
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        kind = ir.FunctionType(_INT, [_LONG, _LONG])  # an address is passed as a number of its size is
+        function = builder.inttoptr(args[0], kind.as_pointer())
+        return builder.sext(builder.call(function, args[1:]), _LONG)
+
+    return types.int64(types.int64, types.int64, types.int64), codegen
+
+
 @instructions_of(threads.give_way)
 def _give_way(typingctx: Any) -> Any:
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:

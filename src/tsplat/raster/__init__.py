@@ -50,11 +50,11 @@ def rasterize_blocks(
     with scene.lock:
         frame = new_frame(scene, blocks, camera, options, pairs=2 * BLOCK * len(blocks))
         start = time.monotonic_ns()
-        pairs = on_threads(threads, frame.team, draw.on(frame), meets=True)
+        pairs = on_threads(threads, frame.team, draw.on(frame, scene.last_known), meets=True)
         if pairs > room(frame):
             frame = new_frame(scene, blocks, camera, options, pairs)
             start = time.monotonic_ns()
-            on_threads(threads, frame.team, draw.on(frame), meets=True)
+            on_threads(threads, frame.team, draw.on(frame, scene.last_known), meets=True)
         ends = frame.stamps[: len(STAGES)].tolist()
         lengths = (1e-6 * (end - begin) for begin, end in zip([start, *ends], ends, strict=False))
         stage_ms = dict(zip(STAGES, lengths, strict=True))

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tsplat import _threads
+from tsplat._arguments import known
 from tsplat._bits import BATCH
 from tsplat.camera import Camera
 from tsplat.raster.cells import CELLS, TILE
@@ -41,6 +42,9 @@ SLACK = 64
 
 BLENDS, VISIBLE, LOWEST_KEY, HIGHEST_KEY = range(4)
 """Columns of ``results``: cells blended by this worker, records of all, the range of this worker's sort keys."""
+
+OWN = 4
+"""Fields of a frame that are its own, the first ones; it shares the others with the next one of its size."""
 
 STAGES = ("project", "sort", "bin", "composite")
 
@@ -79,11 +83,12 @@ class Frame(NamedTuple):
 
     numbers: F32
     image: Image
+    blocks: npt.NDArray[np.int32]
+    coefficients: int
     tile_columns: int
     tile_count: int
     workers: int
     past_caches: bool
-    coefficients: int
     coefficients_stored: int
     means: F32
     covars: F32
@@ -96,7 +101,6 @@ class Frame(NamedTuple):
     tiles: npt.NDArray[np.uint64]
     visible: npt.NDArray[np.int32]
     bounds: F32
-    blocks: npt.NDArray[np.int32]
     pairs: npt.NDArray[np.uint64]
     order: npt.NDArray[np.int32]
     sorted_tiles: npt.NDArray[np.uint64]
@@ -122,20 +126,17 @@ def new_frame(
     size = width, height, options.worker_count, pairs, len(blocks)
     if scene.last_size != size:
         scene.last_frame, scene.last_size = _frame_of_size(scene, *size), size
-    shared: Frame = scene.last_frame
-    return shared._replace(
-        blocks=blocks,
-        numbers=camera_numbers(camera, options),
-        coefficients=scene.coefficients_used(options.sh_degree),
-        image=Image(
-            width,
-            height,
-            np.asarray(options.background, np.float32),
-            colors=buffers.image(height * width * 3),
-            alphas=buffers.image(height * width),
-            depths=buffers.image(height * width) if options.depths else None,
-        ),
+        scene.last_known = known(scene.last_frame[OWN:])
+    image = Image(
+        width,
+        height,
+        np.asarray(options.background, np.float32),
+        colors=buffers.image(height * width * 3),
+        alphas=buffers.image(height * width),
+        depths=buffers.image(height * width) if options.depths else None,
     )
+    coefficients = scene.coefficients_used(options.sh_degree)
+    return Frame(camera_numbers(camera, options), image, blocks, coefficients, *scene.last_frame[OWN:])
 
 
 def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs: int, blocks: int) -> Frame:
@@ -152,11 +153,12 @@ def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs
     return Frame(
         numbers=empty,
         image=Image(width, height, empty, empty, empty, None),
+        blocks=scene.blocks,
+        coefficients=0,
         tile_columns=tile_columns,
         tile_count=tile_count,
         workers=workers,
         past_caches=4 * padded * LENGTH > CACHES,
-        coefficients=0,
         coefficients_stored=scene.coefficients,
         means=scene.means,
         covars=scene.covars,
@@ -169,7 +171,6 @@ def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs
         tiles=buffers.array("tiles", padded, np.uint64),
         visible=buffers.array("visible", blocks, np.int32)[:blocks],
         bounds=scene.bounds,
-        blocks=scene.blocks,
         pairs=buffers.array("pairs", padded + SLACK, np.uint64),
         order=buffers.array("order", padded, np.int32),
         sorted_tiles=buffers.array("sorted_tiles", padded, np.uint64),

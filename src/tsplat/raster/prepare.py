@@ -15,6 +15,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import numpy.typing as npt
 
+from tsplat._arguments import Known
 from tsplat._jit import kernel, part
 from tsplat._lanes import load, maximum, minimum, splat
 from tsplat._moves import store_half
@@ -76,8 +77,9 @@ class Prepared:
         All of them, in order.
     buffers : Buffers
         What grows with the image and with the blocks drawn.
-    last_size, last_frame
-        What the last frame shares with the next one of its size; see `frame.new_frame`.
+    last_size, last_frame, last_known
+        What the last frame shares with the next one of its size, and what kernels know of that; see
+        `frame.new_frame`.
     lock : Lock
         Held while a frame uses the buffers.
     """
@@ -93,6 +95,7 @@ class Prepared:
     buffers: Buffers = field(default_factory=Buffers)
     last_size: tuple[int, ...] = ()
     last_frame: Any = None
+    last_known: Known | None = None
     lock: threading.Lock = field(default_factory=threading.Lock)
 
     def target(self) -> Target:
