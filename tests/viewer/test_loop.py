@@ -227,7 +227,7 @@ def test_ctrl_z_suspends_once(tmp_path: Path) -> None:
 def test_a_slow_start_says_what_it_waits_for_and_can_be_quit(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("tsplat._jit._watch.start", None)  # other tests may have compiled something
+    monkeypatch.setattr("tsplat.warmup.progress", lambda: None)  # other tests may be compiling something
     done = threading.Event()
 
     class SlowPainter(FakePainter):
