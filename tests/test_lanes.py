@@ -43,11 +43,15 @@ def _power(x, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _move(x, halves, rows, pixels, transposed):  # type: ignore[no-untyped-def]
+def _move(x, halves, mixed, pixels, transposed):  # type: ignore[no-untyped-def]
     moves.store_half(halves, 0, lanes.load(x, 0))
     lanes.store(x, 64, moves.load_half(halves, 0))
-    moves.store_rows(rows, 1, 9, lanes.load(x, 0))
-    moves.store_rows_rgb(pixels, 0, 12, lanes.load(x, 0), lanes.load(x, 8), lanes.load(x, 16))
+    lanes.store(mixed, 0, moves.first_halves(lanes.load(x, 0), lanes.load(x, 8)))
+    lanes.store(mixed, 8, moves.second_halves(lanes.load(x, 0), lanes.load(x, 8)))
+    first, second, third = moves.interleaved(lanes.load(x, 0), lanes.load(x, 8), lanes.load(x, 16))
+    lanes.store(pixels, 0, first)
+    lanes.store(pixels, 8, second)
+    lanes.store(pixels, 16, third)
     moves.store_transposed(transposed, 0, 10, x, 0, 8)
 
 
@@ -101,10 +105,10 @@ def test_values_move_where_the_names_say() -> None:
     x = np.linspace(-3, 60, 72, dtype=np.float32)
     given = x[:64].reshape(8, 8).copy()
     halves = np.zeros(8, np.uint16)
-    rows, pixels, transposed = (np.zeros(length, np.float32) for length in (14, 24, 80))
-    _move(x, halves, rows, pixels, transposed)
+    mixed, pixels, transposed = (np.zeros(length, np.float32) for length in (16, 24, 80))
+    _move(x, halves, mixed, pixels, transposed)
     np.testing.assert_array_equal(halves.view(np.float16), given[0].astype(np.float16))
     np.testing.assert_array_equal(x[64:], given[0].astype(np.float16).astype(np.float32))
-    np.testing.assert_array_equal(rows, [0, *given[0, :4], 0, 0, 0, 0, *given[0, 4:], 0])
+    np.testing.assert_array_equal(mixed.reshape(2, 2, 4), given[:2].reshape(2, 2, 4).swapaxes(0, 1))
     np.testing.assert_array_equal(pixels.reshape(8, 3), given[:3].T)
     np.testing.assert_array_equal(transposed.reshape(8, 10)[:, :8], given.T)

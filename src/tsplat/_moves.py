@@ -33,15 +33,20 @@ def store_paired_halves(array: Any, offset: Any, low: Any, high: Any) -> None:
     array[offset : offset + LANES] = (low | high << np.uint32(16)).view(np.float32)
 
 
-def store_rows(array: Any, upper: Any, lower: Any, value: Any) -> None:
-    """Put the first four lanes at offset ``upper`` of a flat float32 array, the others at ``lower``."""
-    array[upper : upper + 4], array[lower : lower + 4] = value[:4], value[4:]
+def first_halves(one: Any, other: Any) -> Any:
+    """The first four lanes of one vector, then those of another."""
+    return np.concatenate([one[:4], other[:4]])
 
 
-def store_rows_rgb(array: Any, upper: Any, lower: Any, red: Any, green: Any, blue: Any) -> None:
-    """Put red, green and blue of the first four lanes at offset ``upper``, of the others at ``lower``."""
-    pixels = np.stack([red, green, blue], 1).ravel()
-    array[upper : upper + 12], array[lower : lower + 12] = pixels[:12], pixels[12:]
+def second_halves(one: Any, other: Any) -> Any:
+    """The last four lanes of one vector, then those of another."""
+    return np.concatenate([one[4:], other[4:]])
+
+
+def interleaved(red: Any, green: Any, blue: Any) -> tuple[Any, Any, Any]:
+    """Three vectors that hold the red, green and blue of one lane after the other."""
+    first, second, third = np.stack([red, green, blue], 1).reshape(3, LANES)
+    return first, second, third
 
 
 def store_transposed(target: Any, at: Any, stride: Any, source: Any, start: Any, distance: Any) -> None:

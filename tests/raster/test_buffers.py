@@ -40,6 +40,14 @@ def test_an_image_is_handed_out_again_only_when_nobody_holds_any_part_of_it() ->
     assert place in {buffers.image(4, 5, 3).ctypes.data, buffers.image(2, 2).ctypes.data}
 
 
+@pytest.mark.parametrize("shape", [(4, 5, 3), (1,), (64, 64)])
+def test_an_image_starts_a_cache_line(shape: tuple[int, ...]) -> None:
+    buffers = Buffers()
+    images = [buffers.image(*shape) for _ in range(12)]  # the last ones are not kept
+    assert [each.ctypes.data % CACHE_LINE for each in images] == [0] * 12
+    assert {each.shape for each in images} == {shape}
+
+
 def test_frames_one_after_the_other_share_their_memory() -> None:
     gaussians = random_gaussians(np.random.default_rng(0), 50)
     places, image = set(), None
@@ -59,3 +67,17 @@ def test_a_frame_that_needs_more_room_than_the_last_is_drawn_in_full() -> None:
     image = assert_like_reference(giants, front_camera(128, 96), RenderOptions(threads=2))
     assert image.pairs > 4 * len(giants)
     assert image.blends > image.pairs
+
+
+@pytest.mark.parametrize("size", [(64, 48), (48, 57), (57, 48)])
+@pytest.mark.parametrize("depths", [False, True])
+def test_an_image_that_is_written_past_the_caches_is_the_same(
+    monkeypatch: pytest.MonkeyPatch, size: tuple[int, int], depths: bool
+) -> None:
+    cloud = random_gaussians(np.random.default_rng(2), 40)
+    camera, options = front_camera(*size), RenderOptions(depths=depths, background=(0.1, 0.2, 0.3), threads=2)
+    kept = rasterize(cloud, camera, options)
+    monkeypatch.setattr("tsplat.raster.frame.CACHES", 0)
+    past = rasterize(cloud, camera, options)
+    for name in ("colors", "alphas", *(["depths"] if depths else [])):
+        np.testing.assert_array_equal(getattr(past, name), getattr(kept, name))

@@ -61,29 +61,38 @@ def _store_paired_halves(typingctx: Any, array: Any, offset: Any, low: Any, high
     return types.void(array, types.int64, float8, float8), codegen
 
 
-@instructions_of(moves.store_rows)
-def _store_rows(typingctx: Any, array: Any, upper: Any, lower: Any, value: Any) -> Any:
+@instructions_of(moves.first_halves)
+def _first_halves(typingctx: Any, one: Any, other: Any) -> Any:
+    return float8(float8, float8), _chosen_lanes([0, 1, 2, 3, 8, 9, 10, 11])
+
+
+@instructions_of(moves.second_halves)
+def _second_halves(typingctx: Any, one: Any, other: Any) -> Any:
+    return float8(float8, float8), _chosen_lanes([4, 5, 6, 7, 12, 13, 14, 15])
+
+
+def _chosen_lanes(lanes: list[int]) -> Any:
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        _store_two_rows(
-            context, builder, sig.args[0], args[:3], args[3], ir.Constant(VECTOR, ir.Undefined), range(8)
-        )
-        return context.get_dummy_value()
+        return builder.shuffle_vector(*args, ir.Constant(INT_VECTOR, lanes))
 
-    return types.void(array, types.int64, types.int64, float8), codegen
+    return codegen
 
 
-@instructions_of(moves.store_rows_rgb)
-def _store_rows_rgb(typingctx: Any, array: Any, upper: Any, lower: Any, red: Any, green: Any, blue: Any) -> Any:
+@instructions_of(moves.interleaved)
+def _interleaved(typingctx: Any, red: Any, green: Any, blue: Any) -> Any:
+    wide = ir.Constant(ir.VectorType(INT, 2 * LANES), list(range(2 * LANES)))
+
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        red, green, blue = args[3:]
-        wide = ir.VectorType(INT, 2 * LANES)
-        both = builder.shuffle_vector(red, green, ir.Constant(wide, list(range(16))))
-        padded = builder.shuffle_vector(blue, blue, ir.Constant(wide, list(range(16))))
-        lanes = [lane + 8 * channel for lane in range(LANES) for channel in range(3)]
-        _store_two_rows(context, builder, sig.args[0], args[:3], both, padded, lanes)
-        return context.get_dummy_value()
+        red, green, blue = args
+        both, padded = builder.shuffle_vector(red, green, wide), builder.shuffle_vector(blue, blue, wide)
+        lanes = [lane + LANES * channel for lane in range(LANES) for channel in range(3)]
+        rows = [
+            builder.shuffle_vector(both, padded, ir.Constant(INT_VECTOR, lanes[first : first + LANES]))
+            for first in range(0, 3 * LANES, LANES)
+        ]
+        return context.make_tuple(builder, sig.return_type, rows)
 
-    return types.void(array, types.int64, types.int64, float8, float8, float8), codegen
+    return types.UniTuple(float8, 3)(float8, float8, float8), codegen
 
 
 @instructions_of(moves.store_transposed)
@@ -129,14 +138,3 @@ def _transpose(builder: Any, columns: list[Any]) -> list[Any]:
                     builder.shuffle_vector(*pair, ir.Constant(INT_VECTOR, chosen)) for chosen in (low, high)
                 )
     return rows
-
-
-def _store_two_rows(
-    context: Any, builder: Any, array_type: Any, place: Any, first: Any, second: Any, lanes: Any
-) -> None:
-    """Store half of the chosen lanes of two vectors at the upper offset, half at the lower one."""
-    array, *offsets = place
-    half = len(lanes) // 2
-    for offset, chosen in zip(offsets, (lanes[:half], lanes[half:]), strict=True):
-        row = builder.shuffle_vector(first, second, ir.Constant(ir.VectorType(INT, half), list(chosen)))
-        builder.store(row, pointer(context, builder, array_type, (array, offset), row.type), align=4)

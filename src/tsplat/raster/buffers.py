@@ -14,6 +14,9 @@ F32 = npt.NDArray[np.float32]
 CACHE_LINE = 64
 """Bytes. A record or a vector that straddles two lines costs twice as much to load."""
 
+SPARE = CACHE_LINE // 4
+"""Values that an image's memory is longer than the image."""
+
 IMAGES_KEPT = 8
 """Two frames of colours, alphas and depths are in use at once; more would only be forgotten memory."""
 
@@ -32,6 +35,7 @@ class Buffers:
     def __init__(self) -> None:
         self._arrays: dict[str, npt.NDArray[Any]] = {}
         self._images: list[F32] = []
+        self._starts: list[int] = []
 
     def array(self, name: str, length: int, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
         """Return the array of that name, at least this long; what it held is lost when it grows."""
@@ -42,15 +46,22 @@ class Buffers:
         return found
 
     def image(self, *shape: int) -> F32:
-        """Return an image of unspecified content that nobody else holds."""
+        """Return an image of unspecified content that nobody else holds; its first value starts a cache line."""
         size = math.prod(shape)
         for place in range(len(self._images)):
             # The list and the question itself hold an image that is free; every view of it holds it once more.
             if sys.getrefcount(self._images[place]) == 2:
-                if len(self._images[place]) < size:
-                    self._images[place] = np.empty(size, np.float32)
-                return self._images[place][:size].reshape(shape)
-        pixels = np.empty(size, np.float32)
+                if len(self._images[place]) < size + SPARE:
+                    self._images[place], self._starts[place] = _memory(size)
+                return self._images[place][self._starts[place] :][:size].reshape(shape)
+        memory, start = _memory(size)
         if len(self._images) < IMAGES_KEPT:
-            self._images.append(pixels)
-        return pixels.reshape(shape)
+            self._images.append(memory)
+            self._starts.append(start)
+        return memory[start:][:size].reshape(shape)
+
+
+def _memory(size: int) -> tuple[F32, int]:
+    """Return memory for so many values from one on that starts a cache line, and which that is."""
+    memory = np.empty(size + SPARE, np.float32)
+    return memory, -memory.ctypes.data % CACHE_LINE // memory.itemsize

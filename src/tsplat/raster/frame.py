@@ -27,7 +27,10 @@ NEXT_BLOCK, NEXT_TILE = _threads.FIRST_FREE, _threads.FIRST_FREE + 8
 COUNTERS = 2
 
 CACHES = 12 << 20
-"""Bytes of records that are not expected to be found again in any cache."""
+"""Bytes of records, or of an image, that are not expected to be found again in any cache."""
+
+PIXEL = 16
+"""Bytes of a pixel's colours and alpha."""
 
 LOW_BITS = 11
 BUCKETS = 1 << (31 - DEPTH_BITS_IGNORED - LOW_BITS)
@@ -50,7 +53,13 @@ STAGES = ("project", "sort", "bin", "composite")
 
 
 class Image(NamedTuple):
-    """What is drawn into, row by row, and what is behind it; see `Rendering`."""
+    """What is drawn into, row by row, and what is behind it; see `Rendering`.
+
+    Attributes
+    ----------
+    past_caches : bool
+        Whether it is written past the caches, which a large one would only empty; its rows are whole cache lines.
+    """
 
     width: int
     height: int
@@ -58,6 +67,7 @@ class Image(NamedTuple):
     colors: F32
     alphas: F32
     depths: F32 | None
+    past_caches: bool = False
 
 
 class Frame(NamedTuple):
@@ -134,6 +144,7 @@ def new_frame(
         colors=buffers.image(height * width * 3),
         alphas=buffers.image(height * width),
         depths=buffers.image(height * width) if options.depths else None,
+        past_caches=width % TILE == 0 and PIXEL * width * height > CACHES,
     )
     coefficients = scene.coefficients_used(options.sh_degree)
     return Frame(camera_numbers(camera, options), image, blocks, coefficients, *scene.last_frame[OWN:])

@@ -10,7 +10,7 @@ import numpy as np
 
 from tsplat._jit import part
 from tsplat._lanes import load, maximum, minus_abs, splat, store
-from tsplat._moves import store_rows, store_rows_rgb
+from tsplat._moves import first_halves, interleaved, second_halves, store_past_caches
 from tsplat.raster.cells import CELL, CELLS, GRID, TILE
 
 LIGHT, RED, GREEN, BLUE, DEPTH = 0, 16, 32, 48, 64
@@ -43,16 +43,17 @@ def clear(tile, width, height):
 @part
 def write(tile, left, top, image, depths):
     """Put a tile's pixels into the image, with the background behind them."""
-    width, height = image.width, image.height
-    for cell in range(CELLS):
-        x, y, at = left + cell % GRID * CELL, top + cell // GRID * CELL, cell * CELL_SIZE
-        if x + CELL <= width and y + CELL <= height:
-            _write_rows(tile, at, y * width + x, image, depths)
-            _write_rows(tile, at + 8, (y + 2) * width + x, image, depths)
-        else:
-            for row in range(y, min(y + CELL, height)):
-                for column in range(x, min(x + CELL, width)):
-                    _write_pixel(tile, at + (row - y) * CELL + column - x, row * width + column, image, depths)
+    right, bottom = min(left + TILE, image.width), min(top + TILE, image.height)
+    if right == left + TILE and bottom == top + TILE:
+        for cell in range(0, CELLS, 2):
+            pixel = (top + cell // GRID * CELL) * image.width + left + cell % GRID * CELL
+            _write_rows(tile, cell * CELL_SIZE, pixel, image, depths)
+            _write_rows(tile, cell * CELL_SIZE + 8, pixel + 2 * image.width, image, depths)
+    else:
+        for y in range(bottom - top):
+            for x in range(right - left):
+                at = (y // CELL * GRID + x // CELL) * CELL_SIZE + y % CELL * CELL + x % CELL
+                _write_pixel(tile, at, (top + y) * image.width + left + x, image, depths)
 
 
 @part
@@ -60,17 +61,11 @@ def write_background(tile, left, top, image, depths):
     """Put the background into the pixels of a tile that no splat touches; the tile's memory is overwritten."""
     for value in range(24):
         tile[value] = image.background[value % 3]
-    pixels1, pixels2, pixels3, zero = load(tile, 0), load(tile, 8), load(tile, 16), splat(np.float32(0.0))
-    for y in range(top, min(top + TILE, image.height)):
-        right = min(left + TILE, image.width)
+    colors, zero = (load(tile, 0), load(tile, 8), load(tile, 16)), splat(np.float32(0.0))
+    right, bottom = min(left + TILE, image.width), min(top + TILE, image.height)
+    for y in range(top, bottom):
         for x in range(left, right - 7, 8):
-            pixel = y * image.width + x
-            store(image.colors, 3 * pixel, pixels1)
-            store(image.colors, 3 * pixel + 8, pixels2)
-            store(image.colors, 3 * pixel + 16, pixels3)
-            store(image.alphas, pixel, zero)
-            if depths is not None:
-                store(depths, pixel, zero)
+            _write_eight(y * image.width + x, colors, zero, zero, image, depths)
         for x in range(right - (right - left) % 8, right):
             pixel = y * image.width + x
             for channel in range(3):
@@ -82,18 +77,44 @@ def write_background(tile, left, top, image, depths):
 
 @part
 def _write_rows(tile, at, pixel, image, depths):
-    """Write two rows of four pixels, from ``pixel`` and one row below it on."""
-    below, background = pixel + image.width, image.background
-    zero, one = splat(np.float32(0.0)), splat(np.float32(1.0))
-    light = zero - minus_abs(load(tile, at + LIGHT))
+    """Write two rows of two cells side by side, from ``pixel`` and one row below it on."""
+    red1, green1, blue1, alpha1, depth1 = _pixels(tile, at, image.background)
+    red2, green2, blue2, alpha2, depth2 = _pixels(tile, at + CELL_SIZE, image.background)
+    colors = interleaved(first_halves(red1, red2), first_halves(green1, green2), first_halves(blue1, blue2))
+    alpha, depth = first_halves(alpha1, alpha2), first_halves(depth1, depth2)
+    _write_eight(pixel, colors, alpha, depth, image, depths)
+    colors = interleaved(second_halves(red1, red2), second_halves(green1, green2), second_halves(blue1, blue2))
+    alpha, depth = second_halves(alpha1, alpha2), second_halves(depth1, depth2)
+    _write_eight(pixel + image.width, colors, alpha, depth, image, depths)
+
+
+@part
+def _pixels(tile, at, background):
+    """Return red, green, blue, alpha and depth of two rows of a cell, over the background."""
+    light = splat(np.float32(0.0)) - minus_abs(load(tile, at + LIGHT))
     red = load(tile, at + RED) + light * splat(background[0])
     green = load(tile, at + GREEN) + light * splat(background[1])
     blue = load(tile, at + BLUE) + light * splat(background[2])
-    store_rows_rgb(image.colors, 3 * pixel, 3 * below, red, green, blue)
-    alpha = one - light
-    store_rows(image.alphas, pixel, below, alpha)
+    alpha = splat(np.float32(1.0)) - light
+    return red, green, blue, alpha, load(tile, at + DEPTH) / maximum(alpha, splat(np.float32(1e-10)))
+
+
+@part
+def _write_eight(pixel, colors, alpha, depth, image, depths):
+    """Write eight pixels side by side."""
+    for third in range(3):
+        _store(image.colors, 3 * pixel + 8 * third, colors[third], image.past_caches)
+    _store(image.alphas, pixel, alpha, image.past_caches)
     if depths is not None:
-        store_rows(depths, pixel, below, load(tile, at + DEPTH) / maximum(alpha, splat(np.float32(1e-10))))
+        _store(depths, pixel, depth, image.past_caches)
+
+
+@part
+def _store(array, at, value, past_caches):
+    if past_caches:
+        store_past_caches(array, at, value)
+    else:
+        store(array, at, value)
 
 
 @part
