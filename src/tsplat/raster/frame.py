@@ -32,7 +32,9 @@ CACHES = 12 << 20
 PIXEL = 16
 """Bytes of a pixel's colours and alpha."""
 
-LOW_BITS = 11
+LOW_BITS = 9
+"""Of the first pass of the sort: it writes to so few places at a time that the first-level cache holds them."""
+
 BUCKETS = 1 << (31 - DEPTH_BITS_IGNORED - LOW_BITS)
 """Of the second pass of the sort, which needs more: depths are positive, so there is no sign bit."""
 

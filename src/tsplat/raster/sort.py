@@ -1,7 +1,8 @@
 """Stage 2: visible splats by depth, nearest first; equal depths keep the order of the file.
 
-A radix sort of two passes, 11 low bits and 13 high ones, of 8-byte pairs (key, record): stable, and
-for positive depths complete. Each worker counts and scatters a stretch of its own.
+A radix sort of two passes, 9 low bits and 15 high ones, of 8-byte pairs (key, record): stable, and
+for positive depths complete. Of the high ones a frame uses few: 128 for each time that depths double. Each worker
+counts and scatters a stretch of its own.
 """
 
 from __future__ import annotations
