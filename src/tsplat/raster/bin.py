@@ -5,9 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from tsplat._jit import part
+from tsplat._moves import prefetch
 from tsplat._threads import meet
 from tsplat.raster.frame import SLACK, VISIBLE
 from tsplat.raster.sort import scan, stretch
+
+AHEAD = 24
+"""Places of a tile's list asked for before they are filled: lists are more than there are streams of stores that a
+processor follows by itself."""
 
 
 @part
@@ -76,6 +81,7 @@ def _scatter(first, end, tile_columns, order, sorted_tiles, cursors, isect_ids):
         for _ in range(wide * (bottom - top + 1)):
             t = np.uint64(tile)
             isect_ids[np.uint64(cursors[t])] = record
+            prefetch(isect_ids, cursors[t] + AHEAD)
             cursors[t] += 1
             column += 1
             row_ends = column == wide
