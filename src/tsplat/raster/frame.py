@@ -14,6 +14,7 @@ from tsplat.camera import Camera
 from tsplat.raster.cells import CELLS, TILE
 from tsplat.raster.prepare import BLOCK, Prepared
 from tsplat.raster.record import LENGTH
+from tsplat.raster.train_depths import train_depths_of
 from tsplat.rendering import DEPTH_BITS_IGNORED, JACOBIAN_LIMIT, RenderOptions
 
 F32 = npt.NDArray[np.float32]
@@ -65,6 +66,8 @@ class Frame(NamedTuple):
         The camera's and the options', see `camera_numbers`.
     blocks : ndarray of int32, [B]
         Which blocks of the scene are drawn.
+    train_depths, frusta : ndarray of float32
+        See `TrainDepths`; empty where no training camera is known.
     records : ndarray of float32, [B * BLOCK * 8]
         One row for each visible splat, see `record`; those of a block start where it would if only these were.
     depth_keys : ndarray of uint32, [B * BLOCK]
@@ -97,6 +100,8 @@ class Frame(NamedTuple):
     visible: npt.NDArray[np.int32]
     bounds: F32
     blocks: npt.NDArray[np.int32]
+    train_depths: F32
+    frusta: F32
     pairs: npt.NDArray[np.uint64]
     order: npt.NDArray[np.int32]
     sorted_tiles: npt.NDArray[np.uint64]
@@ -123,6 +128,8 @@ def new_frame(
     if scene.last_size != size:
         scene.last_frame, scene.last_size = _frame_of_size(scene, *size), size
     shared: Frame = scene.last_frame
+    if options.train_views:
+        shared = _of_train_views(shared, scene, options)
     return shared._replace(
         blocks=blocks,
         numbers=camera_numbers(camera, options),
@@ -135,6 +142,15 @@ def new_frame(
             alphas=buffers.image(height * width),
             depths=buffers.image(height * width) if options.depths else None,
         ),
+    )
+
+
+def _of_train_views(frame: Frame, scene: Prepared, options: RenderOptions) -> Frame:
+    known = train_depths_of(scene, options)
+    if known is None:
+        return frame
+    return frame._replace(
+        bounds=known.widened(scene.bounds, options), train_depths=known.depths, frusta=known.frusta
     )
 
 
@@ -170,6 +186,8 @@ def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs
         visible=buffers.array("visible", blocks, np.int32)[:blocks],
         bounds=scene.bounds,
         blocks=scene.blocks,
+        train_depths=empty,
+        frusta=empty,
         pairs=buffers.array("pairs", padded + SLACK, np.uint64),
         order=buffers.array("order", padded, np.int32),
         sorted_tiles=buffers.array("sorted_tiles", padded, np.uint64),
@@ -191,12 +209,13 @@ def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs
 def camera_numbers(camera: Camera, options: RenderOptions) -> F32:
     """Return the world-to-camera matrix, its first three rows, then what `project` names, and the eye.
 
-    The last six are for `in_sight`: where the image ends on the right, left, below and above, as tangents, and
-    how far a splat of scale 1 reaches to the side and up.
+    Six more are for `in_sight`: where the image ends on the right, left, below and above, as tangents, and
+    how far a splat of scale 1 reaches to the side and up. The last is what near splats are widened by.
     """
     (fx, _, cx), (_, fy, cy), _ = camera.K.tolist()
     margin = (JACOBIAN_LIMIT - 1.0) * 0.5
-    added, reference = options.filter2d(math.sqrt(fx * fy))
+    focal = math.sqrt(fx * fy)
+    added, reference = options.filter2d(focal)
     u_min, u_max = -cx / fx - margin * camera.width / fx, (camera.width - cx) / fx + margin * camera.width / fx
     v_min, v_max = -cy / fy - margin * camera.height / fy, (camera.height - cy) / fy + margin * camera.height / fy
     log2_alpha_min = math.log2(options.alpha_min)
@@ -210,5 +229,8 @@ def camera_numbers(camera: Camera, options: RenderOptions) -> F32:
         log2_alpha_min, options.sigma_extent**2, camera.width - 1, camera.height - 1,
         *camera.eye.tolist(),
         (camera.width - cx + spare) / fx, (cx + spare) / fx, (camera.height - cy + spare) / fy, (cy + spare) / fy,
-        extent * math.hypot(1.0, max(-u_min, u_max)), extent * math.hypot(1.0, max(-v_min, v_max)),
+        # A blur of the image is as wide as high, whatever its pixels are.
+        extent * max(math.hypot(1.0, max(-u_min, u_max)), focal / fx),
+        extent * max(math.hypot(1.0, max(-v_min, v_max)), focal / fy),
+        options.near_blur(focal),
     ], np.float32)  # fmt: skip

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import threading
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -22,6 +22,9 @@ from tsplat._threads import FIRST_FREE, claim, new_team
 from tsplat.raster.buffers import Buffers, aligned
 from tsplat.raster.workers import on_threads
 from tsplat.scene import SH_C0, SH_COEFFICIENTS, Gaussians
+
+if TYPE_CHECKING:
+    from tsplat.raster.train_depths import TrainDepths
 
 F32 = npt.NDArray[np.float32]
 
@@ -78,6 +81,8 @@ class Prepared:
         What grows with the image and with the blocks drawn.
     last_size, last_frame
         What the last frame shares with the next one of its size; see `frame.new_frame`.
+    train_depths : TrainDepths, optional
+        How near training cameras came to the splats, once that was asked for; see `train_depths_of`.
     lock : Lock
         Held while a frame uses the buffers.
     """
@@ -93,6 +98,7 @@ class Prepared:
     buffers: Buffers = field(default_factory=Buffers)
     last_size: tuple[int, ...] = ()
     last_frame: Any = None
+    train_depths: TrainDepths | None = None
     lock: threading.Lock = field(default_factory=threading.Lock)
 
     def target(self) -> Target:
