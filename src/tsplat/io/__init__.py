@@ -20,7 +20,8 @@ from tsplat.io.train_focal import train_focal_beside, training_beside
 from tsplat.scene import Gaussians
 
 __all__ = [
-    "TrainingCamera", "demo_path", "load", "load_cameras", "save", "saving", "train_focal_beside", "training_beside",
+    "TrainingCamera", "demo_path", "load", "load_cameras", "save", "saving", "train_focal_beside",
+    "training_beside",
 ]  # fmt: skip
 
 
