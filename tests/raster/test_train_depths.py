@@ -16,6 +16,7 @@ from tsplat._jit import JIT
 from tsplat.camera import Camera
 from tsplat.lod import Cut, hierarchy
 from tsplat.raster import rasterize, rasterize_blocks, reference
+from tsplat.raster.draw import draw
 from tsplat.raster.prepare import BLOCK, prepared
 from tsplat.raster.train_depths import UNSEEN, deepest
 from tsplat.rendering import EPS2D, RenderOptions
@@ -190,6 +191,24 @@ def test_a_splat_beside_the_picture_is_drawn_where_its_blur_reaches_into_it(axis
     assert rasterize(beside, eye, relative(40.0)).visible == 0
     assert len(Cut(hierarchy(beside, 1)).blocks(eye, options, BLOCK)) == 1
     assert not len(Cut(hierarchy(beside, 1)).blocks(eye, relative(40.0), BLOCK))
+
+
+@pytest.mark.parametrize("far", [1e2, 1e5, 1e9])
+@pytest.mark.parametrize("train_focal", [10.0, 1000.0])
+def test_right_before_the_eye_every_pixel_stays_a_number(far: float, train_focal: float) -> None:
+    options = relative(train_focal, train_views=views_of(at_distance(far)), background=(0.2, 0.5, 0.9))
+    image = rasterize(ball(), at_distance(0.0101), options)
+    assert np.isfinite(image.colors).all()
+    assert ((image.alphas >= 0) & (image.alphas <= 1)).all()
+
+
+@pytest.mark.skipif(not JIT, reason="nothing is compiled")
+def test_no_kernel_is_compiled_again_where_cameras_are_known() -> None:
+    gaussians = ball()
+    rasterize(gaussians, at_distance(2.0), relative())
+    types = set(draw.codes)
+    rasterize(gaussians, at_distance(2.0), relative(train_views=views_of(at_distance(3.0))))
+    assert set(draw.codes) == types
 
 
 @pytest.mark.skipif(not JIT, reason="thousands of splats take minutes without a compiler")

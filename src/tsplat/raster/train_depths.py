@@ -59,7 +59,8 @@ class TrainDepths:
         of, known, wide = self._widened.get(id(bounds), (None, 0.0, bounds))
         if of is None or known != blur:
             wide = bounds.copy()
-            wide[BOUNDS - 1 :: BOUNDS] += np.float32(blur) * deepest(bounds, self.views)
+            with np.errstate(over="ignore", invalid="ignore"):  # a file may hold anything
+                wide[BOUNDS - 1 :: BOUNDS] += np.float32(blur) * deepest(bounds, self.views)
             self._widened[id(bounds)] = bounds, blur, wide
         return wide
 
@@ -85,19 +86,18 @@ def deepest(bounds: F32, views: TrainViews) -> F32:
     """
     x, y, z, radius, _ = bounds.reshape(-1, BOUNDS).T.astype(np.float64)
     seen, whole = np.zeros(len(x)), np.full(len(x), np.inf)
-    with np.errstate(over="ignore", invalid="ignore"):  # a file may hold anything
-        radius = (1.0 + SPARE) * radius
-        for frustum in views.frusta.astype(np.float64):
-            sideways, down, depth = (a * x + b * y + c * z + d for a, b, c, d in frustum)
-            to_side, to_top, to_depth = np.linalg.norm(frustum[:, :3], axis=1)
-            across, along = depth - np.abs(sideways), depth - np.abs(down)
-            reach_x, reach_y = (to_side + to_depth) * radius, (to_top + to_depth) * radius
-            farthest = depth + to_depth * radius
-            part = (across > -reach_x) & (along > -reach_y) & (farthest > NEAREST)
-            all_of_it = (across > reach_x) & (along > reach_y) & (depth - to_depth * radius > NEAREST)
-            seen[part] = np.maximum(seen[part], farthest[part])
-            whole[all_of_it] = np.minimum(whole[all_of_it], farthest[all_of_it])
-        most: F32 = ((1.0 + SPARE) * np.minimum(seen, whole)).astype(np.float32)
+    radius = (1.0 + SPARE) * radius
+    for frustum in views.frusta.astype(np.float64):
+        sideways, down, depth = (a * x + b * y + c * z + d for a, b, c, d in frustum)
+        to_side, to_top, to_depth = np.linalg.norm(frustum[:, :3], axis=1)
+        across, along = depth - np.abs(sideways), depth - np.abs(down)
+        reach_x, reach_y = (to_side + to_depth) * radius, (to_top + to_depth) * radius
+        farthest = depth + to_depth * radius
+        part = (across > -reach_x) & (along > -reach_y) & (farthest > NEAREST)
+        all_of_it = (across > reach_x) & (along > reach_y) & (depth - to_depth * radius > NEAREST)
+        seen[part] = np.maximum(seen[part], farthest[part])
+        whole[all_of_it] = np.minimum(whole[all_of_it], farthest[all_of_it])
+    most: F32 = ((1.0 + SPARE) * np.minimum(seen, whole)).astype(np.float32)
     return most
 
 
