@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
 ANTIALIAS_HELP = (
     "How splats meet pixels: classic as in training, mip with opacities compensated, "
-    "relative to the size of the training pictures. [the scene's own, else relative; render: classic where no "
-    "focal length is known]"
+    "relative to the size of the training pictures and how near they were taken. "
+    "[the scene's own, else relative; render: classic where no focal length is known]"
 )
 FOV_Y = 55.0
 
