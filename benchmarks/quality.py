@@ -20,13 +20,14 @@ from PIL import Image
 from rich.console import Console
 from rich.table import Table
 
-from training import Baked, Unsoftened, baked, photographs, training_depths
+from training import Baked, Unsoftened, baked, photographs, trained_on, training_depths
 from tsplat import images
 from tsplat.camera import Camera
 from tsplat.io import load
 from tsplat.raster import rasterize
 from tsplat.rendering import ANTIALIAS, RenderOptions
 from tsplat.scene import Gaussians
+from tsplat.train_views import TrainViews
 from views import F64, SNOWMIKU, SNOWMIKU_FOCAL, colors, high_frequencies, psnr, rms, scenes
 
 DIVISORS = 8, 4, 2, 1
@@ -66,9 +67,11 @@ def _ways(gaussians: Gaussians) -> list[Way]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # splats that no camera saw
         nearest, mean = np.nanmin(depths, axis=0), np.nanmean(depths, axis=0)
+    views = TrainViews.of(trained_on())
     relative = {"antialias": "relative", "train_focal": focal}
     return [
         *(Way(mode, gaussians, RenderOptions(antialias=mode, train_focal=focal)) for mode in ANTIALIAS),
+        Way("relative, cameras known", gaussians, RenderOptions(**relative, train_views=views)),  # type: ignore[arg-type]
         Way("relative, not softened", gaussians, Unsoftened(**relative)),  # type: ignore[arg-type]
         Way("baked, nearest depth", baked(gaussians, nearest), Baked(**relative)),  # type: ignore[arg-type]
         Way("baked, mean depth", baked(gaussians, mean), Baked(**relative)),  # type: ignore[arg-type]

@@ -47,6 +47,12 @@ def photographs(divisor: int) -> list[tuple[Camera, F64]]:
     return found
 
 
+def trained_on() -> list[Camera]:
+    """Return the cameras of all photographs but those held out."""
+    cameras = load_cameras(SNOWMIKU / "cameras.json")
+    return [view.camera for index, view in enumerate(cameras) if index % HELD_OUT]
+
+
 def _at_training_size(camera: Camera, divisor: int, width: int, height: int) -> Camera:
     K = camera.K * (SNOWMIKU_FOCAL / camera.K[0, 0] / divisor)
     K[2, 2] = 1.0
@@ -55,8 +61,7 @@ def _at_training_size(camera: Camera, divisor: int, width: int, height: int) -> 
 
 def training_depths(gaussians: Gaussians) -> F64:
     """Return the depths of all splats in all cameras trained on, nan where they are out of sight, [cameras, N]."""
-    cameras = load_cameras(SNOWMIKU / "cameras.json")
-    return np.stack([_depths(gaussians, view.camera) for index, view in enumerate(cameras) if index % HELD_OUT])
+    return np.stack([_depths(gaussians, camera) for camera in trained_on()])
 
 
 def _depths(gaussians: Gaussians, camera: Camera) -> F64:

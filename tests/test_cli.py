@@ -218,6 +218,27 @@ def test_render_is_relative_where_the_training_focal_lies_beside_the_scene(
     assert np.array_equal(classic, rendered(copy, tmp_path, "--antialias", "classic"))
 
 
+@pytest.mark.parametrize("suffix", [".ply", ".tsplat"])
+def test_render_keeps_the_blur_of_training_where_the_eye_is_nearer_than_the_cameras(
+    scene: Path, tmp_path: Path, suffix: str
+) -> None:
+    copy = tmp_path / "inner" / f"cloud{suffix}"
+    copy.parent.mkdir()
+    if suffix == ".ply":
+        copy.write_bytes(scene.read_bytes())
+    else:
+        assert cli.main(["optimize", str(scene), "-o", str(copy)]) == 0
+    near, far = ("--eye", 0, 0, -1.2, "--target", 0, 0, 0), ("--eye", 0, 0, -7, "--target", 0, 0, 0)
+    told = [rendered(copy, tmp_path, *view, "--train-focal", 20) for view in (near, far)]
+    listed = {**FRAME, "fx": 20, "fy": 20, "width": 16, "height": 12}
+    (tmp_path / "cameras.json").write_text(json.dumps([{**listed, "position": [0, 0, -6]}]))
+    known = [rendered(copy, tmp_path, *view) for view in (near, far)]
+    by_hand = rendered(copy, tmp_path, *near, "--train-focal", 20)
+    assert np.abs(known[0] - told[0]).max() > 0.1
+    np.testing.assert_allclose(by_hand, known[0], atol=1e-5)
+    np.testing.assert_allclose(known[1], told[1], atol=1e-5)
+
+
 def test_render_is_relative_where_the_training_focal_is_told(scene: Path, tmp_path: Path) -> None:
     told = rendered(scene, tmp_path, "--train-focal", 90)
     assert np.array_equal(told, rendered(scene, tmp_path, "--antialias", "relative", "--train-focal", 90))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from tests.scenes import random_gaussians
 from tsplat import images
 from tsplat.errors import OptionError, SaveError
 from tsplat.rendering import BOX_VARIANCE, EPS2D, SOFTENING, Rendering, RenderOptions
+from tsplat.train_views import TrainViews
 
 
 @pytest.mark.parametrize(
@@ -45,6 +47,14 @@ def test_relative_dilates_with_the_image_and_adds_the_box_it_grew_by() -> None:
     assert RenderOptions(antialias="relative", train_focal=200.0).filter2d(200.0) == (EPS2D, EPS2D)
     double = RenderOptions(antialias="relative", train_focal=200.0).filter2d(400.0)
     assert double == pytest.approx((4 * EPS2D, 4 * EPS2D))
+
+
+def test_near_splats_gain_of_the_dilation_alone_and_where_cameras_are_known() -> None:
+    views = TrainViews.of([front_camera()])
+    relative = RenderOptions(antialias="relative", train_focal=200.0, train_views=views)
+    assert relative.near_blur(100.0) == pytest.approx(EPS2D / 4)
+    assert replace(relative, train_views=None).near_blur(100.0) == 0.0
+    assert {replace(relative, antialias=mode).near_blur(100.0) for mode in ("classic", "mip")} == {0.0}
 
 
 def test_relative_softens_images_as_far_as_they_are_smaller_and_no_other_mode_does() -> None:

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
 ANTIALIAS_HELP = (
     "How splats meet pixels: classic as in training, mip with opacities compensated, "
-    "relative to the size of the training pictures. [the scene's own, else relative; render: classic where no "
-    "focal length is known]"
+    "relative to the size of the training pictures and how near they were taken. "
+    "[the scene's own, else relative; render: classic where no focal length is known]"
 )
 FOV_Y = 55.0
 
@@ -141,15 +141,17 @@ def render_options(
     """Return the options; where nobody said how to antialias, a scene's own way comes first.
 
     Then comes `relative` wherever a focal length of the training images is given, or known by the files beside the
-    scene; ``otherwise`` where it is neither, with `TRAIN_FOCAL_GUESS` for one.
+    scene; ``otherwise`` where it is neither, with `TRAIN_FOCAL_GUESS` for one. Those files may also say how
+    near the cameras came to the scene.
     """
-    antialias, focal = options["antialias"], options["train_focal"]
+    antialias, focal, views = options["antialias"], options["train_focal"], None
     if antialias is None and gaussians.antialiased:
         antialias = "mip"
-    if focal is None and antialias in (None, "relative"):
-        from tsplat.io import train_focal_beside
+    if antialias in (None, "relative"):
+        from tsplat.io import training_beside
 
-        focal = train_focal_beside(scene_source(scene))
+        known, views = training_beside(scene_source(scene))
+        focal = focal or known
     options["antialias"] = antialias or ("relative" if focal else otherwise)
     options["train_focal"] = focal or TRAIN_FOCAL_GUESS
-    return RenderOptions(depths=False, **options)
+    return RenderOptions(depths=False, train_views=views, **options)

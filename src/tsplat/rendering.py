@@ -16,6 +16,7 @@ import numpy.typing as npt
 from tsplat import images
 from tsplat.errors import OptionError
 from tsplat.processors import available_processors
+from tsplat.train_views import TrainViews
 
 F32 = npt.NDArray[np.float32]
 U8 = npt.NDArray[np.uint8]
@@ -81,6 +82,9 @@ class RenderOptions:
         Worker threads; 0 means one per available processor.
     train_focal : float
         Focal length of the training images in pixels, for ``relative``.
+    train_views : TrainViews, optional
+        What the training cameras had in view, for ``relative``: where the eye comes nearer to a splat than any of
+        them was, the dilation keeps its size in the world.
     depths : bool
         Whether the expected depth is wanted; without it, drawing is a little faster.
     near_plane, far_plane : float
@@ -103,6 +107,7 @@ class RenderOptions:
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)
     threads: int = 0
     train_focal: float = TRAIN_FOCAL_GUESS
+    train_views: TrainViews | None = None
     depths: bool = True
     near_plane: float = NEAR_PLANE
     far_plane: float = FAR_PLANE
@@ -151,8 +156,24 @@ class RenderOptions:
             return self.eps2d, self.eps2d
         if self.antialias == "mip":
             return self.eps2d, 0.0
-        dilation = self.eps2d * (focal / self.train_focal) ** 2
+        dilation = self._train_dilation(focal)
         return dilation + self._smaller(focal) * BOX_VARIANCE, dilation
+
+    def near_blur(self, focal: float) -> float:
+        """Return by what the 2D covariance of a near splat is widened further, for an image of this focal length.
+
+        Returns
+        -------
+        float
+            Pixels squared, 0 where no training camera is known. A splat at depth z that no training camera saw
+            from nearer than z_train gains ``(max(1, z_train / z)**2 - 1)`` times as much. It counts as its own
+            size, not as what `filter2d` adds, so that its opacity stays as it is.
+        """
+        return self._train_dilation(focal) if self.train_views and self.antialias == "relative" else 0.0
+
+    def _train_dilation(self, focal: float) -> float:
+        """Return the dilation that the optimiser saw, in pixels squared of an image of this focal length."""
+        return self.eps2d * (focal / self.train_focal) ** 2
 
     def softening(self, focal: float) -> float:
         """Return by which variance in pixels squared an image of this focal length is blurred once it is blended.

@@ -7,14 +7,16 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from PIL import Image
 
 from tests.io.test_cameras import entry
 from tests.scenes import shared_scenes
 from tsplat.errors import CorruptFileError, LoadWarning
-from tsplat.io import train_focal_beside
+from tsplat.io import load_cameras, train_focal_beside, training_beside
 from tsplat.io.transforms import load_lenses
+from tsplat.train_views import TrainViews
 
 SCENES = shared_scenes()
 
@@ -149,6 +151,29 @@ def test_lenses_are_scaled_as_their_trainer_does(
     assert focal(tmp_path) == pytest.approx(expected)
 
 
+def test_cameras_say_what_they_had_in_view(tmp_path: Path) -> None:
+    path = write(tmp_path, "cameras.json", [entry(), entry(position=[4, 5, 6], fx=700.0)])
+    focal, views = training_beside(tmp_path / "inner" / "scene.ply")
+    expected = TrainViews.of([each.camera for each in load_cameras(path)])
+    assert focal == 600.0
+    assert views is not None
+    assert expected is not None
+    np.testing.assert_array_equal(views.frusta, expected.frusta)
+
+
+def test_cameras_out_of_reach_of_every_number_are_no_error(tmp_path: Path) -> None:
+    write(tmp_path, "cameras.json", [entry(position=[1e300, 0, -1e300])])
+    focal, views = training_beside(tmp_path / "scene.ply")
+    assert focal == 500.0
+    assert views is not None
+
+
+@pytest.mark.parametrize("name", ["transforms.json", "transforms_train.json"])
+def test_a_list_in_other_axes_than_the_scene_says_nothing_of_views(tmp_path: Path, name: str) -> None:
+    write(tmp_path, name, lens(frames=[{"transform_matrix": np.eye(4).tolist()}]))
+    assert training_beside(tmp_path / "scene.ply") == (500.0, None)
+
+
 FAULTS: dict[str, tuple[str, Any, str]] = {
     "cameras not JSON": ("cameras.json", "[{]", "at byte 2: is not JSON"),
     "camera without fx": ("cameras.json", [{}], "camera 0: field 'rotation' is missing"),
@@ -182,13 +207,15 @@ def test_a_broken_list_is_one_line_and_does_not_stop_a_viewer(tmp_path: Path, na
     file_name, content, message = FAULTS[name]
     write(tmp_path, file_name, content)
     with pytest.warns(LoadWarning, match=message) as caught:
-        assert focal(tmp_path) is None
+        assert training_beside(tmp_path / "scene.ply") == (None, None)
     assert "\n" not in str(caught[0].message)
 
 
 def test_no_frames_are_no_focal_length(tmp_path: Path) -> None:
     write(tmp_path, "transforms.json", lens(frames=[]))
-    assert focal(tmp_path) is None
+    assert training_beside(tmp_path / "scene.ply") == (None, None)
+    write(tmp_path, "cameras.json", [])
+    assert training_beside(tmp_path / "scene.ply") == (None, None)
 
 
 @pytest.mark.skipif(SCENES is None, reason="no folder of real scenes: set TSPLAT_SCENES or have ../shared/scenes")

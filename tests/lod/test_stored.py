@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import tsplat
 from tests.raster.compare import front_camera, psnr
 from tests.scenes import random_gaussians, shared_scenes
 from tsplat._jit import JIT
+from tsplat.camera import Camera
 from tsplat.errors import CorruptFileError, LoadError
 from tsplat.files import replacing
 from tsplat.framing import start_pose
@@ -24,14 +26,17 @@ from tsplat.lod import Cut, Stored, hierarchy, open_stored, rasterize_all, raste
 from tsplat.lod.cut import _choose
 from tsplat.raster import prepare, rasterize
 from tsplat.raster.draw import draw
-from tsplat.rendering import RenderOptions
+from tsplat.rendering import ANTIALIAS, RenderOptions
 from tsplat.scene import Gaussians
+from tsplat.train_views import TrainViews
 
 pytestmark = pytest.mark.skipif(not JIT, reason="thousands of splats take minutes without a compiler")
 
 N = 20 * prepare.BLOCK - 5
 CAMERA = front_camera(96, 64)
 OPTIONS = RenderOptions(antialias="mip", depths=False, threads=2)
+NEAR = Camera.look_at((0.1, 0.2, -1.2), (0, 0, 0), (0, -1, 0), width=96, height=64, fov_y=60.0)
+KNOWN = RenderOptions(antialias="relative", train_focal=30.0, train_views=TrainViews.of([CAMERA]), threads=2)
 
 
 def stored(path: Path, gaussians: Gaussians) -> Path:
@@ -66,6 +71,16 @@ def test_at_rest_it_is_drawn_to_the_bit_as_the_scene_that_is_loaded(on_disk: Sto
     np.testing.assert_array_equal(ours.colors, whole.colors)
     np.testing.assert_array_equal(ours.alphas, whole.alphas)
     assert ours.visible == whole.visible > N // 2
+
+
+def test_nearer_than_the_training_cameras_it_is_drawn_to_the_bit_as_the_scene_that_is_loaded(path: Path) -> None:
+    fresh = open_stored(path)
+    for _ in range(2):
+        ours, theirs = rasterize_all(fresh, NEAR, KNOWN), rasterize(load(path), NEAR, KNOWN)
+        np.testing.assert_array_equal(ours.colors, theirs.colors)
+        fresh.let_go()
+    without = rasterize_all(fresh, NEAR, replace(KNOWN, train_views=None))
+    assert np.abs(ours.colors - without.colors).max() > 0.05
 
 
 def test_it_looks_like_the_scene_that_was_stored(on_disk: Stored, scene: Gaussians) -> None:
@@ -217,8 +232,8 @@ GARBAGE = (
 def drawn_in_every_way(path: Path) -> None:
     """Draw what a file holds, which need not be a picture of anything; nothing beside the arrays is touched."""
     on_disk = open_stored(path)
-    for antialias in ("classic", "mip", "relative"):
-        options = RenderOptions(antialias=antialias, threads=2)  # type: ignore[arg-type]
+    every_way = [RenderOptions(antialias=antialias, threads=2) for antialias in ANTIALIAS]
+    for options in (*every_way, KNOWN):
         for budget in (0, 1500, N):
             picture = rasterize_within(on_disk, CAMERA, options, budget)
             assert 0 <= picture.visible <= N

@@ -23,8 +23,10 @@ from tsplat.lod import Cut, Streamed, open_streamed, rasterize_all, rasterize_wi
 from tsplat.lod.streamed_reader import Reader
 from tsplat.raster import rasterize
 from tsplat.raster.prepare import BLOCK, BOUNDS
+from tsplat.raster.train_depths import TrainDepths
 from tsplat.rendering import RenderOptions
 from tsplat.scene import Gaussians
+from tsplat.train_views import TrainViews
 
 pytestmark = pytest.mark.skipif(not JIT, reason="thousands of splats take minutes without a compiler")
 
@@ -146,6 +148,24 @@ def test_only_the_coarsest_levels_are_drawn_until_the_others_are_read(path: Path
     assert seen[-1] == 1.0
     then, whole = (rasterize_within(each, CAMERA, OPTIONS, N // 2) for each in (begun, open_streamed(path)))
     np.testing.assert_array_equal(then.colors, whole.colors)
+
+
+def test_what_is_read_later_is_as_near_to_the_training_cameras_as_if_it_had_been_read_before(path: Path) -> None:
+    near = Camera.look_at((0.6, 0.2, -0.9), (0.3, 0, 0), (0, -1, 0), width=96, height=64, fov_y=50.0)
+    options = RenderOptions(antialias="relative", train_focal=30.0, train_views=TrainViews.of([CAMERA]), threads=2)
+    begun = coarsest(path)
+    rasterize_within(begun, near, options, 2 * N)
+    begun.read_rest()
+    for budget in (N // 4, N // 2):
+        then, whole = (rasterize_within(each, near, options, budget) for each in (begun, open_streamed(path)))
+        np.testing.assert_array_equal(then.colors, whole.colors)
+    ours, theirs = rasterize_all(begun, near, options), rasterize(load(path), near, options)
+    np.testing.assert_array_equal(ours.colors, theirs.colors)
+    known = begun.tree.scene.train_depths
+    assert known is not None
+    for bounds in (begun.tree.bounds, begun.tree.scene.bounds):
+        fresh = TrainDepths(known.views, 0).widened(bounds, options)
+        np.testing.assert_array_equal(known.widened(bounds, options), fresh)
 
 
 def test_drawing_all_of_it_reads_all_of_it(path: Path) -> None:

@@ -16,10 +16,13 @@ from tsplat.io.cameras import TrainingCamera, load_cameras
 from tsplat.io.formats import FORMATS, HEAD_BYTES, find_format
 from tsplat.io.options import LoadOptions, SpzFrame
 from tsplat.io.sources import local_file
-from tsplat.io.train_focal import train_focal_beside
+from tsplat.io.train_focal import train_focal_beside, training_beside
 from tsplat.scene import Gaussians
 
-__all__ = ["TrainingCamera", "demo_path", "load", "load_cameras", "save", "saving", "train_focal_beside"]
+__all__ = [
+    "TrainingCamera", "demo_path", "load", "load_cameras", "save", "saving", "train_focal_beside",
+    "training_beside",
+]  # fmt: skip
 
 
 def load(

@@ -1,8 +1,9 @@
-"""The focal length that a scene was trained at, in pixels, as far as the files beside it tell.
+"""How a scene was trained, as far as the files beside it tell: the focal length in pixels, what was in view.
 
 A ``cameras.json`` has the sizes that its photographs came in, not those that were trained on. The training code
 of Kerbl et al. 2023 takes a folder of smaller copies (``--images images_4``) and scales what is wider than 1600
 pixels (``--resolution``); it notes both in ``cfg_args``. nerfstudio halves photographs until no side exceeds 1600.
+It also turns, moves and scales the world before it trains: its list does not say where cameras are in a scene.
 """
 
 from __future__ import annotations
@@ -13,11 +14,13 @@ import statistics
 import warnings
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 from tsplat.errors import LoadError, LoadWarning
 from tsplat.io.cameras import load_cameras
 from tsplat.io.sources import is_elsewhere
 from tsplat.io.transforms import load_lenses
+from tsplat.train_views import TrainViews
 
 LEVELS_UP = 3
 """Folders searched above the scene's: training writes ``point_cloud/iteration_30000/point_cloud.ply``."""
@@ -32,8 +35,28 @@ ARGUMENTS_BYTES = 1 << 16
 """More of a ``cfg_args`` is not looked at."""
 
 
+class Training(NamedTuple):
+    """What is known of how a scene was trained.
+
+    Attributes
+    ----------
+    focal : float, optional
+        Median focal length fx of the training images, in pixels at the size that was trained at.
+    views : TrainViews, optional
+        What the cameras had in view, where the list says it in the axes of the scene.
+    """
+
+    focal: float | None = None
+    views: TrainViews | None = None
+
+
 def train_focal_beside(scene_path: str | Path) -> float | None:
-    """Return the median focal length fx of the training images listed beside a scene or up to three folders above.
+    """Return the training focal length alone, see `training_beside`."""
+    return training_beside(scene_path).focal
+
+
+def training_beside(scene_path: str | Path) -> Training:
+    """Return what the list of training images tells that lies beside a scene or up to three folders above.
 
     Parameters
     ----------
@@ -43,9 +66,8 @@ def train_focal_beside(scene_path: str | Path) -> float | None:
 
     Returns
     -------
-    float or None
-        Pixels at the size that was trained at; None where there is no such list, or an empty one, or the scene
-        is no file.
+    Training
+        Nothing where there is no such list, or an empty one, or the scene is no file.
 
     Warns
     -----
@@ -53,28 +75,34 @@ def train_focal_beside(scene_path: str | Path) -> float | None:
         The list is broken: the scene can be shown all the same.
     """
     if is_elsewhere(scene_path):
-        return None
+        return Training()
     folder = Path(scene_path).absolute().parent
     places = (each / name for each in (folder, *folder.parents[:LEVELS_UP]) for name in SOURCES)
     path = next((place for place in places if place.is_file()), None)
     if path is None:
-        return None
+        return Training()
     try:
-        focals = SOURCES[path.name](path)
+        focals, views = SOURCES[path.name](path)
     except LoadError as error:
         warnings.warn(f"{error}; no training focal length is taken from it", LoadWarning, stacklevel=2)
-        return None
-    return statistics.median(focals) if focals else None
+        return Training()
+    return Training(statistics.median(focals), views) if focals else Training()
 
 
-def _of_cameras(path: Path) -> list[float]:
+Listed = tuple[list[float], TrainViews | None]
+"""Focal lengths and what was in view."""
+
+
+def _of_cameras(path: Path) -> Listed:
     arguments = _arguments(path.parent)
     folder = re.search(r"\bimages='([^']*)'", arguments)
     resolution = re.search(r"\bresolution=(-?\d{1,6})\b", arguments)
     divisor = _divisor(folder[1] if folder else _only_images(path.parent))
-    cameras = [(each.camera.K[0, 0].item(), each.camera.width / divisor) for each in load_cameras(path)]
+    cameras = [each.camera for each in load_cameras(path)]
+    sizes = [(each.K[0, 0].item(), each.width / divisor) for each in cameras]
     asked = int(resolution[1]) if resolution else -1
-    return [focal / divisor * _trained_width(width, asked) / width for focal, width in cameras]
+    focals = [focal / divisor * _trained_width(width, asked) / width for focal, width in sizes]
+    return focals, TrainViews.of(cameras)
 
 
 def _arguments(folder: Path) -> str:
@@ -107,18 +135,18 @@ def _trained_width(width: float, resolution: int) -> float:
     return float(resolution) if resolution > 0 else min(width, WIDEST)
 
 
-def _of_nerf(path: Path) -> list[float]:
-    return [lens.focal * _trained_width(lens.width, -1) / lens.width for lens in load_lenses(path)]
+def _of_nerf(path: Path) -> Listed:
+    return [lens.focal * _trained_width(lens.width, -1) / lens.width for lens in load_lenses(path)], None
 
 
-def _of_nerfstudio(path: Path) -> list[float]:
+def _of_nerfstudio(path: Path) -> Listed:
     def halvings(side: float) -> int:
         return max(0, math.ceil(math.log2(side / WIDEST)))
 
-    return [lens.focal / 2 ** halvings(max(lens.width, lens.height)) for lens in load_lenses(path)]
+    return [lens.focal / 2 ** halvings(max(lens.width, lens.height)) for lens in load_lenses(path)], None
 
 
-SOURCES: dict[str, Callable[[Path], list[float]]] = {
+SOURCES: dict[str, Callable[[Path], Listed]] = {
     "cameras.json": _of_cameras,
     "transforms.json": _of_nerfstudio,
     "transforms_train.json": _of_nerf,

@@ -20,6 +20,7 @@ from tsplat.lod.occlusion import CELLS, fill_light
 from tsplat.raster.frame import camera_numbers
 from tsplat.raster.prepare import BLOCK, BOUNDS
 from tsplat.raster.sight import in_sight, share_in_sight
+from tsplat.raster.train_depths import train_depths_of
 from tsplat.rendering import RenderOptions
 
 F32 = npt.NDArray[np.float32]
@@ -68,27 +69,33 @@ class Cut:
             About so many splats in sight, though never less than one block, nor less than the coarsest nodes.
         """
         tree = self._tree
-        job = _Job(
-            roots=tree.roots,
-            children=tree.children,
-            blocks=tree.blocks,
-            filled=self._filled,
-            block_bounds=tree.scene.bounds,
-            bounds=tree.bounds,
-            sizes=tree.sizes,
-            errors=tree.errors,
-            solidities=tree.solidities,
-            numbers=camera_numbers(camera, options),
-            focal=math.sqrt(float(camera.K[0, 0] * camera.K[1, 1])),
-            most=max(BLOCK, budget),
-            apart=self._apart,
-            queue=self._queue,
-            nodes=self._nodes,
-            light=self._light,
-            remaining=self._remaining,
-        )
         with tree.scene.lock:  # what is being read may join the tree at any other time
+            job = _Job(
+                roots=tree.roots,
+                children=tree.children,
+                blocks=tree.blocks,
+                filled=self._filled,
+                block_bounds=tree.scene.bounds,
+                bounds=self._reach(options),
+                sizes=tree.sizes,
+                errors=tree.errors,
+                solidities=tree.solidities,
+                numbers=camera_numbers(camera, options),
+                focal=math.sqrt(float(camera.K[0, 0] * camera.K[1, 1])),
+                most=max(BLOCK, budget),
+                apart=self._apart,
+                queue=self._queue,
+                nodes=self._nodes,
+                light=self._light,
+                remaining=self._remaining,
+            )
             return np.sort(self._chosen[: _choose(job, self._chosen)])
+
+    def _reach(self, options: RenderOptions) -> F32:
+        """Return the bounds of the nodes, grown where splats that are near gain blur."""
+        tree = self._tree
+        known = train_depths_of(tree.scene, options)
+        return known.widened(tree.bounds, options) if known else tree.bounds
 
 
 class _Job(NamedTuple):

@@ -78,7 +78,7 @@ class Stored:
         assert self.mapped
         scene = self.tree.scene
         with scene.lock:
-            scene.buffers, scene.last_frame, scene.last_size = Buffers(), None, ()
+            scene.buffers, scene.last_frame, scene.last_size, scene.train_depths = Buffers(), None, (), None
         self.mapped.let_go()
 
 

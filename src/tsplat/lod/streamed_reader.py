@@ -107,6 +107,8 @@ class Reader:
             self._widen(nodes, summary.boxes, summary.largest)
             radii = tree.bounds.reshape(-1, BOUNDS)[nodes, 3]
             tree.solidities[nodes] = list(map(solidity_of, summary.masses[:, 0], radii))
+            if tree.scene.train_depths:
+                tree.scene.train_depths.forget_bounds()
             for coarse in (nodes, self._coarser[nodes]):
                 self._connect(coarse[coarse != NONE])
 

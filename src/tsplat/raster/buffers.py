@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -21,10 +22,12 @@ IMAGES_KEPT = 8
 """Two frames of colours, alphas and depths are in use at once; more would only be forgotten memory."""
 
 
-def aligned(length: int, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
-    """Return a new array whose first element starts a cache line."""
+def aligned(
+    length: int, dtype: npt.DTypeLike, memory_of: Callable[..., npt.NDArray[Any]] = np.empty
+) -> npt.NDArray[Any]:
+    """Return a new array whose first element starts a cache line; ``np.zeros`` for one of zeros."""
     size = length * np.dtype(dtype).itemsize
-    memory = np.empty(size + CACHE_LINE, np.uint8)
+    memory = memory_of(size + CACHE_LINE, np.uint8)
     start = -memory.ctypes.data % CACHE_LINE
     return memory[start : start + size].view(dtype)
 

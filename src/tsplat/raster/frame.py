@@ -15,6 +15,7 @@ from tsplat.camera import Camera
 from tsplat.raster.cells import CELLS, TILE
 from tsplat.raster.prepare import BLOCK, Prepared
 from tsplat.raster.record import LENGTH
+from tsplat.raster.train_depths import train_depths_of
 from tsplat.rendering import DEPTH_BITS_IGNORED, JACOBIAN_LIMIT, RenderOptions
 
 F32 = npt.NDArray[np.float32]
@@ -48,7 +49,10 @@ SLACK = 64
 BLENDS, VISIBLE, LOWEST_KEY, HIGHEST_KEY = range(4)
 """Columns of ``results``: cells blended by this worker, records of all, the range of this worker's sort keys."""
 
-OWN = 4
+NONE = np.empty(0, np.float32)
+"""In place of an array that a frame does without."""
+
+OWN = 7
 """Fields of a frame that are its own, the first ones; it shares the others with the next one of its size."""
 
 STAGES = ("project", "sort", "bin", "composite")
@@ -81,6 +85,8 @@ class Frame(NamedTuple):
         The camera's and the options', see `camera_numbers`.
     blocks : ndarray of int32, [B]
         Which blocks of the scene are drawn.
+    train_depths, frusta : ndarray of float32
+        See `TrainDepths`; empty where no training camera is known.
     records : ndarray of float32, [B * BLOCK * 8]
         One row for each visible splat, see `record`; those of a block start where it would if only these were.
     depth_keys : ndarray of uint32, [B * BLOCK]
@@ -97,6 +103,9 @@ class Frame(NamedTuple):
     image: Image
     blocks: npt.NDArray[np.int32]
     coefficients: int
+    bounds: F32
+    train_depths: F32
+    frusta: F32
     tile_columns: int
     tile_count: int
     workers: int
@@ -112,7 +121,6 @@ class Frame(NamedTuple):
     depth_keys: npt.NDArray[np.uint32]
     tiles: npt.NDArray[np.uint64]
     visible: npt.NDArray[np.int32]
-    bounds: F32
     pairs: npt.NDArray[np.uint64]
     order: npt.NDArray[np.int32]
     sorted_tiles: npt.NDArray[np.uint64]
@@ -149,7 +157,16 @@ def new_frame(
         past_caches=width % TILE == 0 and PIXEL * width * height > CACHES,
     )
     coefficients = scene.coefficients_used(options.sh_degree)
-    return Frame(camera_numbers(camera, options), image, blocks, coefficients, *scene.last_frame[OWN:])
+    own = camera_numbers(camera, options), image, blocks, coefficients, *_near(scene, options)
+    return Frame(*own, *scene.last_frame[OWN:])
+
+
+def _near(scene: Prepared, options: RenderOptions) -> tuple[F32, F32, F32]:
+    """Return what a frame holds of how near training cameras came: ``bounds``, ``train_depths``, ``frusta``."""
+    known = train_depths_of(scene, options)
+    if known is None:
+        return scene.bounds, NONE, NONE
+    return known.widened(scene.bounds, options), known.depths, known.frusta
 
 
 def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs: int, blocks: int) -> Frame:
@@ -157,17 +174,19 @@ def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs
     buffers, padded = scene.buffers, blocks * BLOCK
     tile_columns, tile_rows = -(-width // TILE), -(-height // TILE)
     tile_count = tile_columns * tile_rows
-    empty = np.empty(0, np.float32)
     records = buffers.array("records", padded * LENGTH, np.float32)
 
     def by_worker(name: str, length: int, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
         return buffers.array(name, workers * length, dtype)[: workers * length].reshape(workers, length)
 
     return Frame(
-        numbers=empty,
-        image=Image(width, height, empty, empty, empty, None),
+        numbers=NONE,
+        image=Image(width, height, NONE, NONE, NONE, None),
         blocks=scene.blocks,
         coefficients=0,
+        bounds=scene.bounds,
+        train_depths=NONE,
+        frusta=NONE,
         tile_columns=tile_columns,
         tile_count=tile_count,
         workers=workers,
@@ -183,7 +202,6 @@ def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs
         depth_keys=buffers.array("depth_keys", padded, np.uint32),
         tiles=buffers.array("tiles", padded, np.uint64),
         visible=buffers.array("visible", blocks, np.int32)[:blocks],
-        bounds=scene.bounds,
         pairs=buffers.array("pairs", padded + SLACK, np.uint64),
         order=buffers.array("order", padded, np.int32),
         sorted_tiles=buffers.array("sorted_tiles", padded, np.uint64),
@@ -205,12 +223,13 @@ def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs
 def camera_numbers(camera: Camera, options: RenderOptions) -> F32:
     """Return the world-to-camera matrix, its first three rows, then what `project` names, and the eye.
 
-    The last six are for `in_sight`: where the image ends on the right, left, below and above, as tangents, and
-    how far a splat of scale 1 reaches to the side and up.
+    Six more are for `in_sight`: where the image ends on the right, left, below and above, as tangents, and
+    how far a splat of scale 1 reaches to the side and up. The last is what near splats are widened by.
     """
     (fx, _, cx), (_, fy, cy), _ = camera.K.tolist()
     margin = (JACOBIAN_LIMIT - 1.0) * 0.5
-    added, reference = options.filter2d(math.sqrt(fx * fy))
+    focal = math.sqrt(fx * fy)
+    added, reference = options.filter2d(focal)
     u_min, u_max = -cx / fx - margin * camera.width / fx, (camera.width - cx) / fx + margin * camera.width / fx
     v_min, v_max = -cy / fy - margin * camera.height / fy, (camera.height - cy) / fy + margin * camera.height / fy
     log2_alpha_min = math.log2(options.alpha_min)
@@ -224,5 +243,8 @@ def camera_numbers(camera: Camera, options: RenderOptions) -> F32:
         log2_alpha_min, options.sigma_extent**2, camera.width - 1, camera.height - 1,
         *camera.eye.tolist(),
         (camera.width - cx + spare) / fx, (cx + spare) / fx, (camera.height - cy + spare) / fy, (cy + spare) / fy,
-        extent * math.hypot(1.0, max(-u_min, u_max)), extent * math.hypot(1.0, max(-v_min, v_max)),
+        # A blur of the image is as wide as high, whatever its pixels are.
+        extent * max(math.hypot(1.0, max(-u_min, u_max)), focal / fx),
+        extent * max(math.hypot(1.0, max(-v_min, v_max)), focal / fy),
+        options.near_blur(focal),
     ], np.float32)  # fmt: skip

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import threading
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -23,6 +23,9 @@ from tsplat._threads import FIRST_FREE, claim, new_team
 from tsplat.raster.buffers import Buffers, aligned
 from tsplat.raster.workers import on_threads
 from tsplat.scene import SH_C0, SH_COEFFICIENTS, Gaussians
+
+if TYPE_CHECKING:
+    from tsplat.raster.train_depths import TrainDepths
 
 F32 = npt.NDArray[np.float32]
 
@@ -80,6 +83,8 @@ class Prepared:
     last_size, last_frame, last_known
         What the last frame shares with the next one of its size, and what kernels know of that; see
         `frame.new_frame`.
+    train_depths : TrainDepths, optional
+        How near training cameras came to the splats, once that was asked for; see `train_depths_of`.
     lock : Lock
         Held while a frame uses the buffers.
     """
@@ -96,6 +101,7 @@ class Prepared:
     last_size: tuple[int, ...] = ()
     last_frame: Any = None
     last_known: Known | None = None
+    train_depths: TrainDepths | None = None
     lock: threading.Lock = field(default_factory=threading.Lock)
 
     def target(self) -> Target:

@@ -21,6 +21,7 @@ from tsplat.raster.frame import NEXT_BLOCK
 from tsplat.raster.prepare import BLOCK, HALF_MAX
 from tsplat.raster.sh import color_eight
 from tsplat.raster.sight import in_sight
+from tsplat.raster.train_depths import NOT_YET, fill_train_depths
 from tsplat.rendering import DEPTH_BITS_IGNORED
 
 STRIDE = np.uint64(BLOCK)
@@ -53,9 +54,9 @@ def project(worker, frame):
             frame.visible[place] = 0
             continue
         start = block * BLOCK
-        _project_block(
-            start, frame.numbers, frame.means, frame.covars, frame.log2_opacities, frame.base_colors, scratch
-        )
+        if frame.numbers[37] > 0 and frame.train_depths[start] == NOT_YET:
+            fill_train_depths(start, frame.means, frame.frusta, frame.train_depths)
+        _project_block(start, frame, scratch)
         if frame.coefficients > 0:
             half = splat(np.float32(0.5))
             for first in range(0, BLOCK, 8):
@@ -68,18 +69,21 @@ def project(worker, frame):
 
 
 @part
-def _project_block(start, numbers, means, covars, log2_opacities, base_colors, scratch):
+def _project_block(start, frame, scratch):
     """Branch-free and over plain arrays, so that LLVM makes vectors of it.
 
     A few loops in place of one: each is short enough for the processor to have several of its rounds under way.
     """
-    _project_means(start, numbers, means, scratch)
-    _project_covars(start, numbers, covars, scratch)
-    _fill_opacities(start, log2_opacities, scratch)
+    numbers = frame.numbers
+    _project_means(start, numbers, frame.means, scratch)
+    _project_covars(start, numbers, frame.covars, scratch)
+    if numbers[37] > 0:
+        _widen_near(start, numbers, frame.train_depths, scratch)
+    _fill_opacities(start, frame.log2_opacities, scratch)
     if numbers[20] != numbers[21]:
         _compensate_opacities(numbers, scratch)
     _shape_splats(numbers, scratch)
-    _place_splats(start, numbers, base_colors, scratch)
+    _place_splats(start, numbers, frame.base_colors, scratch)
 
 
 @part
@@ -120,6 +124,18 @@ def _project_covars(start, numbers, covars, scratch):
         scratch[np.uint64(A) * STRIDE + k] = j00 * p0 + j01 * p1 + j02 * p2
         scratch[np.uint64(B) * STRIDE + k] = j10 * p0 + j11 * p1 + j12 * p2
         scratch[np.uint64(D) * STRIDE + k] = j10 * q0 + j11 * q1 + j12 * q2
+
+
+@part
+def _widen_near(start, numbers, train_depths, scratch):
+    """Let the blur of training grow with splats that the eye is nearer to than any training camera was."""
+    near_blur, one = numbers[37], np.float32(1.0)
+    for j in range(BLOCK):
+        k = np.uint64(j)
+        nearer = max(train_depths[np.uint64(start + j)] * scratch[np.uint64(INVERSE_Z) * STRIDE + k], one)
+        gained = near_blur * (nearer * nearer - one)
+        scratch[np.uint64(A) * STRIDE + k] += gained
+        scratch[np.uint64(D) * STRIDE + k] += gained
 
 
 @part

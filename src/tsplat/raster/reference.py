@@ -16,12 +16,14 @@ from tsplat.camera import Camera
 from tsplat.rendering import (
     ALPHA_MAX,
     DEPTH_BITS_IGNORED,
+    FAR_PLANE,
     JACOBIAN_LIMIT,
     TRANSMITTANCE_MIN,
     Rendering,
     RenderOptions,
 )
 from tsplat.scene import SH_COEFFICIENTS, Gaussians
+from tsplat.train_views import NEAREST, TrainViews
 
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
@@ -35,6 +37,7 @@ def rasterize(gaussians: Gaussians, camera: Camera, options: RenderOptions) -> R
     """Draw a scene; the arguments and the result are those of `tsplat.raster.rasterize`."""
     covars = covariances(gaussians.quats, gaussians.scales)
     means2d, depths, covars2d = project(gaussians.means, covars, camera)
+    covars2d = widen_near(covars2d, depths, gaussians.means, camera, options)
     conics, opacities = dilate(covars2d, gaussians.opacities, camera, options)
     colors = evaluate_sh(gaussians.sh, gaussians.means - camera.eye, options.sh_degree)
     order = sort(depths, options)
@@ -81,6 +84,26 @@ def project(means: npt.ArrayLike, covars: F64, camera: Camera) -> tuple[F64, F64
 def _clamp_to_view(tangent: F64, side: int, focal: float, centre: float) -> F64:
     margin = (JACOBIAN_LIMIT - 1.0) * 0.5 * side / focal
     return np.clip(tangent, -centre / focal - margin, (side - centre) / focal + margin)
+
+
+def widen_near(covars2d: F64, depths: F64, means: npt.ArrayLike, camera: Camera, options: RenderOptions) -> F64:
+    """Return 2D covariances of which those nearer than any training camera was have its blur in the world."""
+    if options.train_views is None:
+        return covars2d
+    with np.errstate(all="ignore"):
+        nearer = np.maximum(train_depths(means, options.train_views) / depths, 1.0)
+    gained: F64 = options.near_blur(focal_length(camera)) * (nearer**2 - 1.0)
+    return covars2d + gained[:, None, None] * np.eye(2)
+
+
+def train_depths(means: npt.ArrayLike, views: TrainViews) -> F64:
+    """Return the least depth [N] in a view that has the mean in it; -1 where none has."""
+    found = np.full(len(np.asarray(means)), np.inf)
+    for frustum in views.frusta.astype(np.float64):
+        sideways, down, depth = (np.asarray(means, np.float64) @ frustum[:, :3].T + frustum[:, 3]).T
+        in_view = (np.abs(sideways) < depth) & (np.abs(down) < depth) & (depth > NEAREST)
+        found = np.where(in_view, np.minimum(found, depth), found)
+    return np.where(found < FAR_PLANE, found, -1.0)
 
 
 def dilate(covars2d: F64, opacities: npt.ArrayLike, camera: Camera, options: RenderOptions) -> tuple[F64, F64]:
