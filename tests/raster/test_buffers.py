@@ -46,6 +46,9 @@ def test_an_image_starts_a_cache_line(shape: tuple[int, ...]) -> None:
     images = [buffers.image(*shape) for _ in range(12)]  # the last ones are not kept
     assert [each.ctypes.data % CACHE_LINE for each in images] == [0] * 12
     assert {each.shape for each in images} == {shape}
+    images.clear()
+    again = [buffers.image(*shape) for _ in range(8)]
+    assert [each.ctypes.data % CACHE_LINE for each in again] == [0] * 8
 
 
 def test_frames_one_after_the_other_share_their_memory() -> None:
