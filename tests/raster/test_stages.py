@@ -266,6 +266,20 @@ def test_every_tile_lists_the_splats_whose_boxes_touch_it_by_depth_and_no_others
         np.testing.assert_array_equal(frame.isect_ids[start : ends[tile]], expected)
 
 
+def test_workers_bin_about_as_much_each_where_the_nearest_splats_touch_most_tiles() -> None:
+    many, workers = 10 * MANY, 3  # compiled, more than are looked at
+    gaussians = random_gaussians(np.random.default_rng(7), many)
+    inside = Camera.look_at((0, 0, 0.2), (0, 0, 1), (0, -1, 0), width=400, height=300, fov_y=60.0)
+    options, room = RenderOptions(threads=workers), 100 * many
+    frame, rows = after([PROJECT, SORT, BIN_TILES], gaussians, inside, options, room)
+    left, top, right, bottom = frame.tiles.view(np.uint16).reshape(-1, 4)[frame.order[: len(rows)]].T.astype(int)
+    tiles = (right - left + 1) * (bottom - top + 1)
+    assert tiles.sum() == frame.tile_counts.sum()
+    assert tiles[: len(tiles) // workers].sum() > 0.5 * tiles.sum()
+    shares = frame.tile_counts.sum(1) / tiles.sum()
+    np.testing.assert_allclose(shares, 1 / workers, atol=0.1)
+
+
 def test_too_little_room_for_pairs_is_noticed_before_anything_is_written() -> None:
     gaussians, camera = random_gaussians(np.random.default_rng(6), MANY), front_camera(70, 50)
     options = RenderOptions(threads=1)

@@ -1,4 +1,8 @@
-"""Stage 3: which splats touch which tile: count, scan, scatter, by depth, so that each tile's list is sorted."""
+"""Stage 3: which splats touch which tile: count, scan, scatter, by depth, so that each tile's list is sorted.
+
+Each worker has a part of the splats that costs as much as any other's, which need not be as many: from inside of a
+scene the nearest few touch most tiles.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +18,12 @@ AHEAD = 24
 """Places of a tile's list asked for before they are filled: lists are more than there are streams of stores that a
 processor follows by itself."""
 
+SAMPLES = 1024
+"""Splats that are looked at to find out where most of the work is."""
+
+SPLAT_COST = 2
+"""Pairs that take as long as a splat does beside its pairs."""
+
 
 @part
 def bin_tiles(worker, frame):
@@ -23,7 +33,7 @@ def bin_tiles(worker, frame):
     more than ``isect_ids`` has room for, nothing is filled.
     """
     counts, cursors = frame.tile_counts[worker], frame.tile_cursors[worker]
-    first, end = stretch(worker, frame.workers, frame.results[worker, VISIBLE])
+    first, end = _share(worker, frame.workers, frame.results[worker, VISIBLE], frame.order, frame.tiles)
     _gather_tiles(first, end, frame.order, frame.tiles, frame.sorted_tiles)
     _count(first, end, frame.tile_columns, frame.sorted_tiles, frame.tile_steps[worker], counts)
     if not meet(frame.team, frame.workers):
@@ -39,6 +49,29 @@ def bin_tiles(worker, frame):
 def room(frame):
     """Return how many pairs ``isect_ids`` may hold; a little more of it is read ahead."""
     return len(frame.isect_ids) - SLACK
+
+
+@part
+def _share(worker, workers, visible, order, tiles):
+    """Return a worker's first splat and the one after its last, so that all workers have about as much to do."""
+    samples = min(visible, SAMPLES)
+    total = 0
+    for sample in range(samples):
+        total += _cost(sample, samples, visible, order, tiles)
+    low, high = stretch(worker, workers, total)
+    first, end, done = 0, 0, 0
+    for sample in range(samples):
+        first += done < low
+        end += done < high
+        done += _cost(sample, samples, visible, order, tiles)
+    return first * visible // max(samples, 1), end * visible // max(samples, 1)
+
+
+@part
+def _cost(sample, samples, visible, order, tiles):
+    splat = order[np.uint64(sample * visible // samples)]
+    left, top, right, bottom = _corners(tiles[np.uint64(splat)])
+    return SPLAT_COST + (right - left + 1) * (bottom - top + 1)
 
 
 @part

@@ -37,6 +37,9 @@ INVERSE_Z, A, B, D, SQUARED_RADIUS = 15, 16, 17, 18, 19
 ROWS_BY_SPLAT = 20 * BLOCK
 """Behind these rows, the records of eight splats."""
 
+TAKEN = 4
+"""Blocks that a worker takes at once: a page of each array, within which a processor reads ahead by itself."""
+
 LOG2_TILE = np.int32(int(math.log2(TILE)))
 
 
@@ -45,10 +48,14 @@ def project(worker, frame):
     """Fill ``records``, ``depth_keys``, ``tiles`` and ``visible``, block by block."""
     scratch = frame.scratch[worker]
     eye = frame.numbers[28:31]
+    place, behind = -1, 0
     while True:
-        place = claim(frame.team, NEXT_BLOCK)
-        if place >= len(frame.blocks):
-            return meet(frame.team, frame.workers)
+        place += 1
+        if place == behind:
+            place = claim(frame.team, NEXT_BLOCK) * TAKEN
+            behind = min(place + TAKEN, len(frame.blocks))
+            if place >= behind:
+                return meet(frame.team, frame.workers)
         block = np.int64(frame.blocks[place])
         if not in_sight(block, frame.numbers, frame.bounds):
             frame.visible[place] = 0
