@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import io
+import os
+import shutil
 import subprocess
 import sys
 import threading
+import time
+from functools import partial
+from pathlib import Path
 
 import pytest
 
-from tsplat import progress, warmup
+from tsplat import _kernel_cache, progress, warmup
 from tsplat._jit import JIT, Progress
+from tsplat.raster.draw import draw
 from tsplat.warmup import WarmUp
 
 DEADLINE = 60.0
@@ -121,6 +127,90 @@ print(asked)
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=120, check=False)
     assert done.stdout == b"[]\n", done.stderr.decode()
+
+
+@pytest.mark.skipif(not JIT, reason="nothing is compiled or loaded")
+@pytest.mark.usefixtures("compiled")
+def test_beside_draw_nothing_is_left_to_compile_after_the_second_process(tmp_path: Path) -> None:
+    other = dict(os.environ, NUMBA_CACHE_DIR=str(tmp_path))
+    subprocess.run([sys.executable, "-m", "tsplat.warmup_process"], env=other, timeout=DEADLINE, check=True)
+    (folder,) = tmp_path.iterdir()
+    ours = _kernel_cache.cache_folder()
+    assert ours
+    assert not list(folder.glob("draw-*"))
+    for kernel in ours.glob("draw-*"):
+        shutil.copy(kernel, folder)
+    code = """
+from tsplat import _jit, decode, warmup, warmup_process
+def refuse(self, *_):
+    raise AssertionError(f"compiled {self.__name__}")
+_jit.Kernel._compiled = warmup_process.start = refuse
+warmup.draw_tiny()
+decode.make_ready()
+import numpy as np
+from tsplat.encode import ENCODERS, FALLBACK_CELL, encoder
+for name in ENCODERS:
+    for fidelity in (0.5, 1.0):
+        chosen = encoder(name)
+        chosen.fidelity = fidelity
+        for shade in range(2):
+            chosen.encode(np.full((40, 50, 3), shade, np.uint8), 5, 2, FALLBACK_CELL)
+        chosen.clear()
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=other, capture_output=True, timeout=DEADLINE, check=False
+    )
+    assert done.returncode == 0, done.stderr.decode()
+
+
+@pytest.mark.skipif(not JIT, reason="nothing is compiled or loaded")
+@pytest.mark.parametrize("kept", [True, False])
+@pytest.mark.usefixtures("compiled")
+def test_a_second_process_compiles_only_where_draw_is_not_kept(
+    kept: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    done: list[str] = []
+    monkeypatch.setattr(draw, "ready", lambda *_: kept)
+    monkeypatch.setattr("tsplat.warmup_process.start", lambda: done.append("start"))
+    monkeypatch.setattr(draw, "on", lambda *_: done.append("draw"))
+    monkeypatch.setattr("tsplat.raster.rasterize", lambda *_: None)
+    warmup.draw_tiny()
+    assert done == ([] if kept else ["start", "draw"])
+
+
+@pytest.mark.skipif(os.name != "posix", reason="a script stands in for Python")
+def test_the_second_process_ends_with_the_first(tmp_path: Path) -> None:
+    script, told = tmp_path / "python", tmp_path / "told"
+    script.write_text(f"#!/bin/sh\necho $$ $* > {told}-\nmv {told}- {told}\nexec sleep 600\n")
+    script.chmod(0o755)
+    code = f"""
+import pathlib, sys, time
+from tsplat import warmup_process
+sys.executable = {str(script)!r}
+warmup_process.available_processors = lambda: {{processors}}
+warmup_process.start()
+end = time.monotonic() + {{seconds}}
+while not pathlib.Path({str(told)!r}).exists() and time.monotonic() < end:
+    time.sleep(0.01)
+"""
+    run = partial(subprocess.run, timeout=DEADLINE, check=True)
+    run([sys.executable, "-c", code.format(processors=1, seconds=0.5)])
+    assert not told.exists()
+    run([sys.executable, "-c", code.format(processors=2, seconds=DEADLINE)])
+    process, *command = told.read_text().split()
+    assert command == ["-m", "tsplat.warmup_process"]
+    end = time.monotonic() + DEADLINE
+    while is_running(int(process)) and time.monotonic() < end:
+        time.sleep(0.01)
+    assert not is_running(int(process))
+
+
+def is_running(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    return True
 
 
 def test_warming_up_draws_nothing_where_nothing_is_compiled(monkeypatch: pytest.MonkeyPatch) -> None:

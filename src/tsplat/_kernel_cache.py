@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import importlib.util
-import marshal
 import os
 import re
 import shutil
@@ -17,6 +16,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
+from types import CodeType
 from typing import Any
 
 import platformdirs
@@ -28,6 +28,7 @@ from tsplat.files import replacing
 NOT_COMPILED = frozenset(
     {"bench", "cache", "convert", "doctor", "info", "io", "optimize", "record", "terminal", "viewer"}
     | {"arguments.py", "cli.py", "drawing.py", "export.py", "kept.py", "options.py", "progress.py"}
+    | {"warmup.py", "warmup_process.py"}
 )
 """What no kernel can see, because the layers forbid it: editing these compiles nothing again."""
 
@@ -51,13 +52,19 @@ def place(function: Callable[..., Any], types: str) -> Path | None:
     if folder is None:
         return None
     file = Path(function.__code__.co_filename)
-    digest = hashlib.sha256(marshal.dumps(function.__code__))
+    digest = hashlib.sha256(_text_of(function.__code__).encode())
     digest.update(f"{function.__module__} {types} {processor()}".encode())
     if not file.is_relative_to(PACKAGE):  # the folder's name does not know what else is in that file
         with suppress(OSError):
             digest.update(file.read_bytes())
     name = re.sub(r"\W", "", function.__name__)
     return folder / f"{name}-{digest.hexdigest()[:24]}"
+
+
+def _text_of(code: CodeType) -> str:
+    """Return what tells a function's code from any other; `marshal` also tells how often its parts are in use."""
+    constants = [_text_of(each) if isinstance(each, CodeType) else repr(each) for each in code.co_consts]
+    return f"{code.co_code.hex()} {code.co_names} {code.co_varnames} {code.co_freevars} {constants}"
 
 
 def kept(file: Path | None) -> MachineCode | None:

@@ -6,16 +6,11 @@ import threading
 from collections.abc import Callable
 from dataclasses import replace
 
-import numpy as np
-
+from tsplat import warmup_process
 from tsplat._jit import JIT, progress
 from tsplat.camera import Camera
 from tsplat.rendering import RenderOptions
-from tsplat.scene import Gaussians
-
-SPLATS = 4
-SIDE = 32
-"""Pixels of the picture that is drawn for the sake of its kernels."""
+from tsplat.warmup_process import SIDE, tiny_scene
 
 
 class WarmUp:
@@ -67,15 +62,23 @@ def draw_tiny(options: RenderOptions | None = None) -> None:
 
     if not JIT:
         return
-    crew.make_ready()
-    gaussians = Gaussians(
-        means=np.zeros((SPLATS, 3), np.float32),
-        quats=np.tile(np.array([1, 0, 0, 0], np.float32), (SPLATS, 1)),
-        scales=np.full((SPLATS, 3), 0.1, np.float32),
-        opacities=np.full(SPLATS, 0.5, np.float32),
-        sh=np.full((SPLATS, 16, 3), 0.1, np.float32),
-    )
     camera = Camera.look_at(
         (0.0, 0.0, -3.0), (0.0, 0.0, 0.0), (0.0, -1.0, 0.0), width=SIDE, height=SIDE, fov_y=55.0
     )
-    rasterize(gaussians, camera, replace(options or RenderOptions(antialias="relative", depths=False), threads=1))
+    options = replace(options or RenderOptions(antialias="relative", depths=False), threads=1)
+    _compile_draw(camera, options)
+    crew.make_ready()
+    rasterize(tiny_scene(), camera, options)
+
+
+def _compile_draw(camera: Camera, options: RenderOptions) -> None:
+    """Load the kernel that draws; where it has to be compiled, have all others compiled meanwhile."""
+    from tsplat.raster.draw import draw
+    from tsplat.raster.frame import new_frame
+    from tsplat.raster.prepare import empty
+
+    scene = empty(1, coefficients=15)
+    frame = new_frame(scene, scene.blocks, camera, options, pairs=0)
+    if not draw.ready(0, frame):
+        warmup_process.start()
+        draw.on(frame)

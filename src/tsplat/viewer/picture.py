@@ -24,7 +24,8 @@ from tsplat.viewer.detail import Detail
 from tsplat.viewer.scenes import Scenes
 from tsplat.viewer.spans import Span, covered, painted, shaded
 from tsplat.viewer.state import ViewerState
-from tsplat.warmup import SIDE, draw_tiny
+from tsplat.warmup import draw_tiny
+from tsplat.warmup_process import SIDE
 
 F32 = npt.NDArray[np.float32]
 U8 = npt.NDArray[np.uint8]

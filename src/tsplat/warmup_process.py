@@ -1,0 +1,82 @@
+"""A second process for the first run ever: while this one compiles `draw`, it compiles every other kernel.
+
+`draw` takes two thirds of the time, and threads of one process cannot compile at once. What the second one has
+kept by then is loaded, what it has not is compiled here.
+
+    python -m tsplat.warmup_process
+"""
+
+from __future__ import annotations
+
+import atexit
+import sys
+import threading
+from contextlib import suppress
+
+import numpy as np
+
+from tsplat._kernel_cache import cache_folder
+from tsplat.processors import available_processors
+from tsplat.scene import Gaussians
+
+SPLATS = 4
+SIDE = 32
+"""Pixels of a picture that is made for the sake of its kernels."""
+
+FIDELITIES = 1.0, 0.3
+"""What an encoder leaves out below 1 takes kernels of its own."""
+
+
+def start() -> None:
+    """Start it, where it can be of use; it ends with this process, if not before."""
+    if available_processors() < 2 or cache_folder() is None or not sys.executable:
+        return
+    import subprocess  # later runs do without
+
+    nothing = subprocess.DEVNULL
+    with suppress(OSError):
+        process = subprocess.Popen(
+            [sys.executable, "-m", __name__], stdin=nothing, stdout=nothing, stderr=nothing,
+            start_new_session=True,  # Ctrl-C is not meant for it
+        )  # fmt: skip
+        atexit.register(process.kill)
+        threading.Thread(target=process.wait, daemon=True).start()
+
+
+def tiny_scene() -> Gaussians:
+    """Return a few splats in arrays of the types that every scene has."""
+    return Gaussians(
+        means=np.zeros((SPLATS, 3), np.float32),
+        quats=np.tile(np.array([1, 0, 0, 0], np.float32), (SPLATS, 1)),
+        scales=np.full((SPLATS, 3), 0.1, np.float32),
+        opacities=np.full(SPLATS, 0.5, np.float32),
+        sh=np.full((SPLATS, 16, 3), 0.1, np.float32),
+    )
+
+
+def compile_others() -> None:
+    """Compile what drawing needs besides `draw`, then what encoding does, the most usual first, then decoding."""
+    from tsplat._threads import new_team
+    from tsplat.decode import make_ready
+    from tsplat.encode import ENCODERS, FALLBACK_CELL, encoder
+    from tsplat.raster import crew
+    from tsplat.raster.buffers import Buffers
+    from tsplat.raster.frame import COUNTERS, NONE, Image
+    from tsplat.raster.prepare import prepared
+    from tsplat.raster.soften import soften
+
+    prepared(tiny_scene(), 1)
+    crew.make_ready()
+    buffers = Buffers()
+    image = Image(SIDE, SIDE, NONE, buffers.image(SIDE * SIDE * 3), buffers.image(SIDE * SIDE), None)
+    soften(image, 0.5, 1, new_team(COUNTERS), buffers)
+    for name in ("half", *ENCODERS):
+        chosen = encoder(name)
+        for chosen.fidelity in FIDELITIES:
+            chosen.encode(np.zeros((SIDE, SIDE, 3), np.uint8), 4, 2, FALLBACK_CELL)
+        chosen.clear()
+    make_ready()
+
+
+if __name__ == "__main__":
+    compile_others()
