@@ -33,18 +33,25 @@ def contests(script: Any, one: tuple[float, float], two: tuple[float, float]) ->
     ]
 
 
+def scaling(script: Any, two: float = 5.0) -> Any:
+    return script.Scaling(ours={1: 10.0, 2: two}, blends={1: 1e8, 2: 1.9e8})
+
+
 def test_ratios_are_the_baselines_time_over_ours_and_one_thread_over_two(script: Any) -> None:
-    found = script.verdicts("x outside", (1280, 720), contests(script, (60.0, 10.0), (36.0, 5.0)))
+    found = script.verdicts("x outside", (1280, 720), contests(script, (60.0, 10.0), (36.0, 5.0)), scaling(script))
     assert [(each.ratio, each.floor, each.holds) for each in found] == [
         (6.0, 6.0, True), (7.2, 7.0, True), (2.0, 1.8, True),
     ]  # fmt: skip
-    small = script.verdicts("x outside", (240, 160), contests(script, (3.4, 1.0), (5.0, 1.0)))
+    assert [str(each) for each in found] == ["6.00", "7.20", "2.00 of 1.90"]
+    small = script.verdicts("x outside", (240, 160), contests(script, (3.4, 1.0), (5.0, 1.0)), None)
     assert [(each.ratio, each.floor, each.holds) for each in small] == [(3.4, 3.5, False), (5.0, 5.0, True)]
 
 
 def test_one_floor_below_is_status_1_and_marked(script: Any, capsys: pytest.CaptureFixture[str]) -> None:
-    high = script.verdicts("x outside", (1280, 720), contests(script, (60.0, 10.0), (36.0, 5.0)))
-    low = script.verdicts("x inside", (1280, 720), contests(script, (60.0, 10.0), (36.0, 6.0)))
+    high = script.verdicts("x outside", (1280, 720), contests(script, (60.0, 10.0), (36.0, 5.0)), scaling(script))
+    low = script.verdicts(
+        "x inside", (1280, 720), contests(script, (60.0, 10.0), (36.0, 6.0)), scaling(script, 6.0)
+    )
     assert script.conclude(high) == 0
     out = capsys.readouterr().out
     assert "3 of 3 floors hold\n" in out
@@ -54,7 +61,7 @@ def test_one_floor_below_is_status_1_and_marked(script: Any, capsys: pytest.Capt
     assert "4 of 6 floors hold; ! marks the others" in out
     assert out.count(" !") == 2 + 1
     assert "6.00 !" in out
-    assert "1.67 !" in out
+    assert "1.67 of 1.90 !" in out
 
 
 def test_both_take_turns_and_the_shortest_frame_counts(script: Any, monkeypatch: pytest.MonkeyPatch) -> None:
