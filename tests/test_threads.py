@@ -35,6 +35,19 @@ def _numbers(worker, job):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def _parts(worker, job):  # type: ignore[no-untyped-def]
+    """Write beside each thing that this worker took how many it took with it; count what it takes when all are."""
+    team, taken, least = job
+    total = taken.shape[1]
+    first, behind = _threads.take(team, _threads.FIRST_FREE, total, least, WORKERS)
+    while first < total:
+        for each in range(first, behind):
+            taken[worker, each] += behind - first
+        first, behind = _threads.take(team, _threads.FIRST_FREE, total, least, WORKERS)
+    return behind - first
+
+
+@kernel
 def _rounds(worker, job):  # type: ignore[no-untyped-def]
     """In each round write one's own place, meet, and compare with the neighbour's; count disagreements."""
     team, places = job
@@ -72,6 +85,18 @@ def _add(worker, numbers):  # type: ignore[no-untyped-def]
 @kernel
 def _time():  # type: ignore[no-untyped-def]
     return _threads.nanoseconds()
+
+
+@pytest.mark.parametrize(("total", "least"), [(0, 1), (1, 1), (7, 4), (1000, 1), (1000, 300)])
+def test_parts_that_are_taken_get_smaller_and_nothing_is_left_or_taken_twice(total: int, least: int) -> None:
+    team, taken = _threads.new_team(1), np.zeros((WORKERS, total), np.int64)
+    assert on_threads(WORKERS, team, _parts.on((team, taken, least))) == 0
+    assert ((taken > 0).sum(0) == 1).all()
+    sizes = taken.sum(0)
+    assert (np.diff(sizes) <= 0).all()
+    if total:
+        assert sizes[0] == max(total // (_threads.SHARES * WORKERS), min(least, total))
+        assert sizes[-1] <= least
 
 
 def test_every_number_is_taken_by_exactly_one_worker() -> None:

@@ -20,6 +20,10 @@ from tsplat._parts import part
 ARRIVED, ROUND, ABANDONED, FIRST_FREE = 0, 8, 16, 24
 """Places in a team's array; a kernel may use FIRST_FREE and every eighth after it for counters of its own."""
 
+SHARES = 4
+"""What is left is taken in so many parts by each worker: what lies together stays together, and as the parts get
+smaller, nobody waits long for whoever took the hardest."""
+
 PATIENCE = 4096
 """Looks at a counter before others may use the processor: some ten microseconds."""
 
@@ -92,3 +96,19 @@ def meet(team, workers):  # type: ignore[no-untyped-def]
         if looks > PATIENCE:
             give_way()
     return True
+
+
+@part
+def take(team, place, total, least, workers):  # type: ignore[no-untyped-def]
+    """Take some of ``total`` things that nobody has taken: return the first, and the one after the last.
+
+    They are a share of those that are left, at least ``least``; none where all are taken. A counter that several
+    threads change is dear: so is waiting, each time, until all that was stored so far is on its way.
+    """
+    first = look(team, place)
+    while first < total:
+        behind = min(first + max((total - first) // (SHARES * workers), least), total)
+        if exchange(team, place, first, behind):
+            return first, behind
+        first = look(team, place)
+    return total, total

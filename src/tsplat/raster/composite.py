@@ -13,7 +13,7 @@ from tsplat._bits import BATCH, count, lanes_at_least, lowest, others, transpose
 from tsplat._jit import part
 from tsplat._lanes import fma, load, maximum, minimum, minus_abs, splat, store, where_above, where_at_least
 from tsplat._moves import load_half, prefetch
-from tsplat._threads import claim, meet
+from tsplat._threads import meet, take
 from tsplat.raster import member as col
 from tsplat.raster import record as packed
 from tsplat.raster import tile as channel
@@ -43,10 +43,12 @@ def composite(worker, frame):
     # Behind the last member, one that is never seen completes the threes.
     batch[NOBODY : NOBODY + col.LENGTH] = 0.0
     batch[NOBODY + col.CUT] = np.inf
-    blends = 0
+    blends, t, behind = 0, -1, 0
     while True:
-        t = claim(frame.team, NEXT_TILE)
-        if t >= frame.tile_count:
+        t += 1
+        if t == behind:
+            t, behind = take(frame.team, NEXT_TILE, frame.tile_count, 1, frame.workers)
+        if t == frame.tile_count:
             frame.results[worker, BLENDS] = blends
             return meet(frame.team, frame.workers)
         left, top = t % frame.tile_columns * TILE, t // frame.tile_columns * TILE

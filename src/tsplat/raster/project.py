@@ -13,7 +13,7 @@ from tsplat._bits import lanes_at_least
 from tsplat._jit import part
 from tsplat._lanes import load, minimum, splat, store
 from tsplat._moves import store_paired_halves, store_past_caches, store_transposed
-from tsplat._threads import claim, meet
+from tsplat._threads import meet, take
 from tsplat.raster import record as col
 from tsplat.raster.cells import TILE
 from tsplat.raster.falloff import LOG2_E, OFFSET, SCALE
@@ -37,7 +37,7 @@ INVERSE_Z, A, B, D, SQUARED_RADIUS = 15, 16, 17, 18, 19
 ROWS_BY_SPLAT = 20 * BLOCK
 """Behind these rows, the records of eight splats."""
 
-TAKEN = 4
+LEAST = 4
 """Blocks that a worker takes at once: a page of each array, within which a processor reads ahead by itself."""
 
 LOG2_TILE = np.int32(int(math.log2(TILE)))
@@ -52,9 +52,8 @@ def project(worker, frame):
     while True:
         place += 1
         if place == behind:
-            place = claim(frame.team, NEXT_BLOCK) * TAKEN
-            behind = min(place + TAKEN, len(frame.blocks))
-            if place >= behind:
+            place, behind = take(frame.team, NEXT_BLOCK, len(frame.blocks), LEAST, frame.workers)
+            if place == len(frame.blocks):
                 return meet(frame.team, frame.workers)
         block = np.int64(frame.blocks[place])
         if not in_sight(block, frame.numbers, frame.bounds):
