@@ -55,10 +55,10 @@ def rasterize_blocks(
             frame = new_frame(scene, blocks, camera, options, pairs)
             start = time.monotonic_ns()
             on_threads(threads, frame.team, draw.on(frame, scene.last_known), meets=True)
-        ends = frame.stamps[: len(STAGES)].tolist()
-        lengths = (1e-6 * (end - begin) for begin, end in zip([start, *ends], ends, strict=False))
-        stage_ms = dict(zip(STAGES, lengths, strict=True))
-        visible, blends = frame.results[0, VISIBLE], frame.results[:, BLENDS]
+        ends, results = frame.stamps.tolist(), frame.results.tolist()
+        stage_ms = {
+            stage: 1e-6 * (end - begin) for stage, begin, end in zip(STAGES, (start, *ends), ends, strict=False)
+        }
         image, shape = frame.image, (camera.height, camera.width)
         variance = options.softening(math.sqrt(float(camera.K[0, 0] * camera.K[1, 1])))
         if variance > 0.0:
@@ -68,5 +68,5 @@ def rasterize_blocks(
         colors, alphas, depths = image.colors, image.alphas, image.depths
         return Rendering(
             colors.reshape(*shape, 3), alphas.reshape(shape), None if depths is None else depths.reshape(shape),
-            int(visible), pairs, sum(blends.tolist()), stage_ms,
+            results[0][VISIBLE], pairs, sum(result[BLENDS] for result in results), stage_ms,
         )  # fmt: skip

@@ -216,7 +216,7 @@ def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs
         touching=by_worker("touching", CELLS, np.uint64),
         team=_threads.new_team(COUNTERS),
         results=by_worker("results", 8, np.int64),
-        stamps=buffers.array("stamps", len(STAGES), np.int64),
+        stamps=buffers.array("stamps", len(STAGES), np.int64),  # of this length, as it never grows
     )
 
 
