@@ -55,7 +55,7 @@ SCALING_SIZE, SCALING_FLOOR = (1280, 720), 1.8
 RATE = 1e8
 """Blends of one thread in a second, roughly: how much is as much work as a frame."""
 
-SCALING_TURNS = 4
+SCALING_TURNS = 8
 """Turns for what two threads bring, for each of those with the baseline: both processors must be free at once."""
 
 TOTAL = "total"
@@ -206,7 +206,7 @@ def scale(gaussians: Gaussians, camera: Camera, turns: int) -> Scaling:
             frames = [times[TOTAL] for times in _draw_ours(gaussians, camera, threads)]
             scaling.ours[threads] = min(scaling.ours.get(threads, math.inf), *frames[WARM_UP:])
             rounds = round(1e-3 * scaling.ours[threads] * RATE / BATCH)
-            blends = blends_per_second(threads, rounds, repeats=TURN)
+            blends = blends_per_second(threads, rounds, repeats=1)
             scaling.blends[threads] = max(blends, scaling.blends.get(threads, 0.0))
     return scaling
 

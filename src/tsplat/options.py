@@ -84,34 +84,32 @@ def open_scene(
 
     Where all its ``levels`` are of use, a streamed one comes with them, the coarsest first.
     """
-    from tsplat.io.sog_levels import is_streamed_file
     from tsplat.io.sources import is_elsewhere
     from tsplat.io.tsplat_map import is_tsplat
 
     source = scene_source(scene)
-    if how["max_splats"] is None and not how["lod"] and not is_elsewhere(source):
-        path = Path(source)
-        if is_tsplat(path):
+    if how["max_splats"] is None and not how["lod"]:
+        if not is_elsewhere(source) and is_tsplat(Path(source)):
             from tsplat.lod import open_stored
 
-            return open_stored(path)
-        if levels and how["lod"] == 0 and is_streamed_file(path) and (streamed := _open_levels(path, warm_up)):
+            return open_stored(Path(source))
+        if levels and how["lod"] == 0 and (streamed := _open_levels(source, warm_up)):
             return streamed
     return load_scene(scene, how, warm_up)
 
 
-def _open_levels(path: Path, warm_up: WarmUp | None) -> Stored | None:
-    from tsplat.io.sog_levels import open_levels
-    from tsplat.io.sources import local_file
-    from tsplat.lod import is_scattered, read_levels
+def _open_levels(source: str | Path, warm_up: WarmUp | None) -> Stored | None:
+    """Return a streamed scene with its coarsest levels read, unless it is something else."""
+    from tsplat.io.sog_levels import find_levels
+    from tsplat.io.sources import file_name
 
-    with (
-        tidy_end(),
-        loading(path.name, warm_up) as bar,
-        local_file(path, None, bar, bar.fetched) as (local, progress),
-    ):
-        found = open_levels(local)
-        return None if is_scattered(found) else read_levels(found, whole=False, progress=progress)
+    with tidy_end(), loading(file_name(source), warm_up) as bar:
+        found = find_levels(source, bar.fetched)
+        if found is None:
+            return None
+        from tsplat.lod import is_scattered, read_levels
+
+        return None if is_scattered(found) else read_levels(found, whole=False, progress=bar)
 
 
 def was_said(option: str, context: click.Context) -> bool:

@@ -61,6 +61,7 @@ class Bar:
         self._traffic: Traffic | None = None
         self._heard_bytes = False
         self._shown: Progress | None = None
+        self._over = False
 
     def __call__(self, fraction: float) -> None:
         """Show the fraction done."""
@@ -79,7 +80,8 @@ class Bar:
         self._show()
 
     def end(self) -> None:
-        """Take the line away."""
+        """Take the line away; what comes after that is not shown."""
+        self._over = True
         if self._shown:
             self._shown.stop()
 
@@ -87,7 +89,7 @@ class Bar:
         seconds = time.perf_counter() - self._start
         if self._warm_up and seconds > WARM_UP_AFTER:
             self._warm_up.start()
-        if not self._terminal or seconds < BAR_AFTER:
+        if not self._terminal or seconds < BAR_AFTER or self._over:
             return
         self._shown = self._shown or _on_screen()
         self._shown.tasks[0].total = None if self._fraction is None else 1.0

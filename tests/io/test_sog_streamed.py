@@ -233,8 +233,8 @@ def test_mutated_trees_load_or_say_what_is_wrong(folder: Path, rng: np.random.Ge
             assert sorted(run for leaf in levels.leaves for run in leaf) == list(
                 range(sum(map(len, levels.counts)))
             )
-            for number, file in enumerate(levels.files):
-                assert levels.read(number)[1][-1] <= file.kept
+            for number, counts in enumerate(levels.counts):
+                assert levels.read(number)[1][-1] <= counts.sum()
     assert len(messages) > 100
     assert not any("\n" in message for message in messages)
 
@@ -249,7 +249,7 @@ def test_a_splat_of_two_levels_is_refused_only_where_both_are_read(folder: Path,
 
 def test_levels_are_the_runs_of_the_files_leaf_by_leaf(folder: Path, tree: dict[str, Any]) -> None:
     levels = open_levels(write_tree(folder, {**tree, "environment": "sky.sog"}))
-    assert [file.path.name for file in levels.files] == ["meta.json", "meta.json", "c.sog", "sky.sog"]
+    assert [piece.name for piece in levels.files.pieces] == ["a/meta.json", "b/meta.json", "c.sog", "sky.sog"]
     assert [counts.tolist() for counts in levels.counts] == [[3], [2, 1, 3], [4, 1], [5]]
     # The leaf of the finer level only, the two that are children of one, the one of both, and the sky.
     assert sorted(levels.leaves) == [[1, 0], [2, 4], [3], [5], [6]]

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import gc
+import json
 import sys
+import tempfile
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.io.servers import Server
+from tests.io.sogs import made_up
 from tests.lod.streams import write_stream
 from tests.scenes import random_gaussians
 from tests.viewer.states import a_state
 from tsplat import cli, options
 from tsplat._jit import JIT
-from tsplat.errors import CorruptFileError
+from tsplat.errors import CorruptFileError, LoadError
 from tsplat.io import load
 from tsplat.lod import Streamed
 from tsplat.scene import Gaussians
@@ -115,3 +121,81 @@ def test_the_viewer_takes_all_levels_unless_one_is_asked_for(path: Path, monkeyp
 def test_a_scene_of_tiny_leaves_is_loaded_as_one_level(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tsplat.lod.is_scattered", lambda _: True)
     assert isinstance(options.open_scene(str(path), HOW, levels=True), Gaussians)
+
+
+@pytest.fixture
+def server(path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Server]:
+    monkeypatch.setenv("no_proxy", "*")
+    monkeypatch.setattr(tempfile, "tempdir", str(path.parent.parent))
+    with Server({each.name: each.read_bytes() for each in path.parent.iterdir()}) as running:
+        yield running
+
+
+@pytest.fixture
+def afar(server: Server) -> Streamed:
+    scene = options.open_scene(server.url("plain", "lod-meta.json?key=1"), HOW, levels=True)
+    assert isinstance(scene, Streamed)
+    return scene
+
+
+def test_of_a_url_the_coarsest_levels_come_first_and_the_others_beside_the_frames(
+    afar: Streamed, server: Server, path: Path
+) -> None:
+    assert sorted(server.asked) == ["2_0.sog", "2_1.sog", "lod-meta.json"]
+    fractions: list[float] = []
+    afar.read_rest(fractions.append)
+    assert sorted(server.asked) == sorted(each.name for each in path.parent.iterdir())
+    assert server.asked[3:5] in (["1_0.sog", "1_1.sog"], ["1_1.sog", "1_0.sog"])
+    assert fractions == sorted(fractions)
+    np.testing.assert_array_equal(painter(afar).draw(STATE).frame, painter(load(path)).draw(STATE).frame)
+
+
+def test_what_a_url_does_not_have_is_said_in_the_viewer(afar: Streamed, server: Server) -> None:
+    del server.files["0_0.sog"]
+    made = painter(afar)
+    made.draw(STATE)
+    made.detail._thread.join(60.0)
+    drawn = made.draw(STATE)
+    assert not drawn.exact
+    assert made.detail_status(drawn) == f"{server.url('plain', '0_0.sog')}: is not there; check the address"
+
+
+def test_a_folder_of_fetched_files_goes_with_the_scene(server: Server) -> None:
+    scene = options.open_scene(server.url("plain", "lod-meta.json"), HOW, levels=True)
+    folder = Path(tempfile.gettempdir())
+    assert len([each for each in folder.iterdir() if each.name.startswith("tsplat-")]) == 1
+    del scene
+    gc.collect()
+    assert not [each for each in folder.iterdir() if each.name.startswith("tsplat-")]
+
+
+def test_a_url_of_planes_and_of_several_degrees_is_read_as_from_a_file(server: Server, tmp_path: Path) -> None:
+    """The first file has fewer harmonics than the second, which loses what is beyond them."""
+    coarse, fine = (made_up(np.random.default_rng(seed), bands=bands) for seed, bands in ((3, 1), (2, 3)))
+    lods = {"0": {"file": 1, "offset": 0, "count": 5}, "1": {"file": 0, "offset": 0, "count": 2}}
+    names = ["a/meta.json", "b/meta.json"]
+    server.files = {f"{folder}/{name}": content for folder, scene in (("a", coarse), ("b", fine))
+                    for name, content in scene.files().items()}  # fmt: skip
+    meta = {"lodLevels": 2, "environment": None, "filenames": names, "tree": {"lods": lods}}
+    server.files["lod-meta.json"] = json.dumps(meta).encode()
+    scene = options.open_scene(server.url("plain", "lod-meta.json"), HOW, levels=True)
+    assert isinstance(scene, Streamed)
+    assert scene.sh_degree == 1
+    assert not any(name.startswith("b/") for name in server.asked)
+    scene.read_rest()
+    for name, content in fine.files().items():
+        (tmp_path / name).write_bytes(content)
+    whole = load(tmp_path / "meta.json")
+    expected = Gaussians(*whole.arrays[:4], np.ascontiguousarray(whole.sh[:, :4])).take(np.arange(5))
+    np.testing.assert_array_equal(painter(scene).draw(STATE).frame, painter(expected).draw(STATE).frame)
+
+
+def test_a_url_of_something_else_is_loaded(server: Server, path: Path) -> None:
+    made = made_up(np.random.default_rng(1))
+    server.files = made.files() | {"x.json": b"[1]", "0_0.sog": (path.parent / "0_0.sog").read_bytes()}
+    for name in ("meta.json", "0_0.sog"):
+        assert isinstance(options.open_scene(server.url("plain", name), HOW, levels=True), Gaussians)
+    with pytest.raises(LoadError, match=r"x\.json: "):
+        options.open_scene(server.url("plain", "x.json"), HOW, levels=True)
+    with pytest.raises(LoadError, match=r"y\.json: is not there"):
+        options.open_scene(server.url("plain", "y.json"), HOW, levels=True)

@@ -54,20 +54,18 @@ def fetch_beside(
     OptionError
         The scene has no such level.
     """
-    beside = _Beside(meta.parent, address, fetch)
+    beside = Beside(meta.parent, address, fetch)
     fields = read_fields(Folder(meta), meta.name)
     if not is_streamed(fields):
         return beside.bring_planes(meta.name, progress)
     pieces = pieces_of_level(fields, lod)
     for piece, share in zip(pieces, _shares(progress, len(pieces)), strict=True):
-        if is_json(beside.bring(piece.name, _silent)):
-            beside.bring_planes(piece.name, share)
-        share(1.0)
+        beside.bring_scene(piece.name, share)
     return None
 
 
 @dataclass(frozen=True, slots=True)
-class _Beside:
+class Beside:
     """A folder that fills with files of the same names from elsewhere."""
 
     folder: Path
@@ -81,6 +79,12 @@ class _Beside:
             place.parent.mkdir(parents=True, exist_ok=True)
             self.fetch(self.address(name), place, progress)
         return place
+
+    def bring_scene(self, name: str, progress: Progress) -> None:
+        """Fetch a zip, or a meta.json and its planes."""
+        if is_json(self.bring(name, _silent)):
+            self.bring_planes(name, progress)
+        progress(1.0)
 
     def bring_planes(self, name: str, progress: Progress) -> None:
         """Fetch the planes of a meta.json that is here."""

@@ -17,7 +17,7 @@ from urllib.parse import unquote
 from tsplat.errors import LoadError, calling
 from tsplat.io.remote import Fetched, Progress, Remote, is_url, shown_url, url_beside
 from tsplat.io.remote_errors import FULL
-from tsplat.io.sog_beside import fetch_beside, is_json
+from tsplat.io.sog_beside import Fetch, fetch_beside, is_json
 from tsplat.io.unpack import is_packed, unpack
 
 STDIN = "-"
@@ -25,6 +25,9 @@ STDIN = "-"
 
 GETTING = 0.75
 """The share that getting a scene here has in all there is to do: networks are slower than readers."""
+
+PREFIX = "tsplat-"
+"""Of the names of temporary folders."""
 
 NAME_CHARS = 60
 """At most this many characters of a name are kept, the last ones: file systems take 255 bytes."""
@@ -77,35 +80,38 @@ def local_file(
     LoadError
         It cannot be got or read; `CorruptFileError` where it is packed and broken.
     """
-    name = called(source)
-    try:
+    with legible(source):
         if not is_elsewhere(source) and not is_packed(Path(source)):
             yield Path(source), progress
             return
-        with _temporary_file(source, name, lod, progress, fetched) as place:
+        with TemporaryDirectory(prefix=PREFIX) as folder, legible(source, folder):
+            place = place_in(folder, source)
+            _get(source, place, lod, lambda fraction: progress(GETTING * fraction), fetched)
             yield place, lambda fraction: progress(GETTING + (1.0 - GETTING) * fraction)
-    except OSError as error:
-        raise LoadError(name, f"cannot be read: {error.strerror or error}; check the path") from error
-    except MemoryError as error:
-        raise LoadError(name, "needs more memory than there is; keep fewer splats with max_splats") from error
+
+
+def place_in(folder: str, source: str | Path) -> Path:
+    """Return where the file of a scene is in its temporary folder."""
+    return Path(folder) / file_name(source)
 
 
 @contextmanager
-def _temporary_file(
-    source: str | Path, name: str, lod: int | None, progress: Progress, fetched: Fetched
-) -> Iterator[Path]:
-    with TemporaryDirectory(prefix="tsplat-") as folder:
-        place = Path(folder) / file_name(source)
+def legible(source: str | Path, folder: str | None = None) -> Iterator[None]:
+    """Let what goes wrong be a `LoadError`, with names that a person knows: of a temporary folder, too."""
+    name, names = called(source), {}
+    if folder is not None:
         beside = name.rpartition("/")[0] if is_elsewhere(source) and source != STDIN else name
-        with calling({str(place): name, folder: beside}):
-            try:
-                _get(source, place, lod, lambda fraction: progress(GETTING * fraction), fetched)
-            except OSError as error:
-                if error.errno not in FULL:
-                    raise
-                problem = f"finds no room in {gettempdir()}: {error.strerror}; set TMPDIR to a larger folder"
-                raise LoadError(name, problem) from error
-            yield place
+        names = {str(place_in(folder, source)): name, folder: beside}
+    try:
+        with calling(names):
+            yield
+    except OSError as error:
+        if folder is not None and error.errno in FULL:
+            problem = f"finds no room in {gettempdir()}: {error.strerror}; set TMPDIR to a larger folder"
+            raise LoadError(name, problem) from error
+        raise LoadError(name, f"cannot be read: {error.strerror or error}; check the path") from error
+    except MemoryError as error:
+        raise LoadError(name, "needs more memory than there is; keep fewer splats with max_splats") from error
 
 
 def _get(source: str | Path, place: Path, lod: int | None, progress: Progress, fetched: Fetched) -> None:
@@ -134,11 +140,7 @@ def _copy(file: BinaryIO, place: Path, progress: Progress, fetched: Fetched) -> 
 
 def _fetch(url: str, place: Path, lod: int | None, progress: Progress, fetched: Fetched) -> None:
     fetched(0, None)
-    remote = Remote(url, fetched)
-
-    def fetch(url: str, place: Path, progress: Progress) -> None:
-        remote.fetch(url, place, progress)
-        _unpack_in_place(place)
+    fetch = fetch_by(Remote(url, fetched))
 
     def silent(_: float) -> None:
         pass
@@ -147,6 +149,16 @@ def _fetch(url: str, place: Path, lod: int | None, progress: Progress, fetched: 
     fetch(url, place, silent if begins else progress)
     if is_json(place) and place.suffix.lower() != ".gltf":
         fetch_beside(place, partial(url_beside, url), fetch, lod, progress if begins else silent)
+
+
+def fetch_by(remote: Remote) -> Fetch:
+    """Return what brings a file to a place, unpacked."""
+
+    def fetch(url: str, place: Path, progress: Progress) -> None:
+        remote.fetch(url, place, progress)
+        _unpack_in_place(place)
+
+    return fetch
 
 
 def _unpack_in_place(place: Path) -> None:

@@ -10,7 +10,6 @@ import numpy.typing as npt
 
 from tsplat.framing import SAMPLE
 from tsplat.io.arrays import Arrays
-from tsplat.io.finish import warn_dropped
 from tsplat.io.sog_levels import Levels
 from tsplat.lod.hierarchy import Hierarchy
 from tsplat.lod.occlusion import solidity_of
@@ -75,15 +74,12 @@ class Reader:
     def read_next(self, threads: int, progress: Callable[[float], None], *, warn: bool) -> None:
         """Read a file; ``warn`` of splats that were left out."""
         number = self.left[-1]
-        splats, ends = self._levels.read(number, progress)
+        splats, ends = self._levels.read(number, progress, warn=warn)
         nodes = np.arange(self._firsts[number], self._firsts[number + 1])
         pack_runs(splats, ends, self.tree.blocks[nodes[0] : nodes[-1] + 2], self.tree.scene.target(), threads)
         self._sample(splats, ends, nodes)
         self._publish(splats, ends, nodes)
         self.left.pop()
-        if warn:
-            file = self._levels.files[number]
-            warn_dropped(file.path, file.kept - int(ends[-1]), file.kept, stacklevel=5)
 
     def sample(self) -> Gaussians:
         """Return some splats of the coarsest levels, without harmonics; see `Stored`."""

@@ -38,7 +38,7 @@ ROWS_BY_SPLAT = 20 * BLOCK
 """Behind these rows, the records of eight splats."""
 
 LEAST = 4
-"""Blocks that a worker takes at once: a page of each array, within which a processor reads ahead by itself."""
+"""Blocks that a worker takes at least: a page of each array, within which a processor reads ahead by itself."""
 
 LOG2_TILE = np.int32(int(math.log2(TILE)))
 
