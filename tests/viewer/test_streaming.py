@@ -150,14 +150,22 @@ def test_of_a_url_the_coarsest_levels_come_first_and_the_others_beside_the_frame
     np.testing.assert_array_equal(painter(afar).draw(STATE).frame, painter(load(path)).draw(STATE).frame)
 
 
-def test_what_a_url_does_not_have_is_said_in_the_viewer(afar: Streamed, server: Server) -> None:
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [(None, "is not there; check the address"), (b"PK\x03\x04 no scene", "the zip's directory cannot be read")],
+)
+def test_what_a_url_does_not_have_is_said_in_the_viewer_by_its_address(
+    afar: Streamed, server: Server, content: bytes | None, problem: str
+) -> None:
     del server.files["0_0.sog"]
+    if content:
+        server.files["0_0.sog"] = content
     made = painter(afar)
     made.draw(STATE)
     made.detail._thread.join(60.0)
     drawn = made.draw(STATE)
     assert not drawn.exact
-    assert made.detail_status(drawn) == f"{server.url('plain', '0_0.sog')}: is not there; check the address"
+    assert made.detail_status(drawn).startswith(f"{server.url('plain', '0_0.sog')}: {problem}")
 
 
 def test_a_folder_of_fetched_files_goes_with_the_scene(server: Server) -> None:
