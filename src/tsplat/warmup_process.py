@@ -29,7 +29,8 @@ FIDELITIES = 1.0, 0.3
 
 def start() -> None:
     """Start it, where it can be of use; it ends with this process, if not before."""
-    if available_processors() < 2 or cache_folder() is None or not sys.executable:
+    is_python = sys.executable and not getattr(sys, "frozen", False)
+    if available_processors() < 2 or cache_folder() is None or not is_python:
         return
     import subprocess  # later runs do without
 
