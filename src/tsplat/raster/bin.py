@@ -14,9 +14,9 @@ from tsplat._threads import meet
 from tsplat.raster.frame import SLACK, VISIBLE
 from tsplat.raster.sort import scan, stretch
 
-AHEAD = 24
+AHEAD = 4
 """Places of a tile's list asked for before they are filled: lists are more than there are streams of stores that a
-processor follows by itself."""
+processor follows by itself. No more, as each list would hold two lines of the caches in place of one."""
 
 SAMPLES = 1024
 """Splats that are looked at to find out where most of the work is."""
