@@ -31,6 +31,7 @@ from tests.scenes import random_gaussians
 from tsplat import cli, io
 from tsplat.errors import CorruptFileError, LoadError, LoadWarning, OptionError
 from tsplat.io import remote, remote_errors
+from tsplat.io.sog_beside import Beside
 
 PLY = ply_bytes([splats([one_splat()])])
 
@@ -150,6 +151,22 @@ def test_a_json_that_names_itself_is_fetched_once(server: Server) -> None:
     with pytest.raises(CorruptFileError, match="field means is missing"):
         io.load(server.url("plain", "lod-meta.json"))
     assert server.asked == ["lod-meta.json"]
+
+
+def test_a_file_of_which_half_came_is_fetched_again_when_it_is_asked_for_again(tmp_path: Path) -> None:
+    broken = [True, False]
+
+    def fetch(url: str, place: Path, _: object) -> None:
+        place.write_text(f"half of {url}")
+        if broken.pop(0):
+            raise LoadError(url, "was cut off")
+        place.write_text("all")
+
+    beside = Beside(tmp_path, str, fetch)
+    with pytest.raises(LoadError, match="cut off"):
+        beside.bring("x.webp", lambda _: None)
+    assert beside.bring("x.webp", lambda _: None).read_text() == "all"
+    assert beside.bring("x.webp", lambda _: None).read_text() == "all"  # not fetched a third time
 
 
 def test_a_gltf_is_not_taken_for_json_of_planes(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:

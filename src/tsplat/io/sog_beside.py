@@ -77,7 +77,11 @@ class Beside:
         place = self.folder / name
         if not place.exists():
             place.parent.mkdir(parents=True, exist_ok=True)
-            self.fetch(self.address(name), place, progress)
+            try:
+                self.fetch(self.address(name), place, progress)
+            except BaseException:
+                place.unlink(missing_ok=True)  # half of it is not it, when somebody asks again
+                raise
         return place
 
     def bring_scene(self, name: str, progress: Progress) -> None:
