@@ -12,12 +12,16 @@ import atexit
 import sys
 import threading
 from contextlib import suppress
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tsplat._kernel_cache import cache_folder
 from tsplat.processors import available_processors
 from tsplat.scene import Gaussians
+
+if TYPE_CHECKING:
+    from tsplat.encode import Encoder
 
 SPLATS = 4
 SIDE = 32
@@ -55,11 +59,20 @@ def tiny_scene() -> Gaussians:
     )
 
 
+def encode_tiny(chosen: Encoder) -> None:
+    """Encode a picture as it is, and one of which something is left out."""
+    from tsplat.encode import FALLBACK_CELL
+
+    for chosen.fidelity in FIDELITIES:
+        chosen.encode(np.zeros((SIDE, SIDE, 3), np.uint8), 4, 2, FALLBACK_CELL)
+    chosen.clear()
+
+
 def compile_others() -> None:
     """Compile what drawing needs besides `draw`, then what encoding does, the most usual first, then decoding."""
     from tsplat._threads import new_team
     from tsplat.decode import make_ready
-    from tsplat.encode import ENCODERS, FALLBACK_CELL, encoder
+    from tsplat.encode import ENCODERS, encoder
     from tsplat.raster import crew
     from tsplat.raster.buffers import Buffers
     from tsplat.raster.frame import COUNTERS, NONE, Image
@@ -72,10 +85,7 @@ def compile_others() -> None:
     image = Image(SIDE, SIDE, NONE, buffers.image(SIDE * SIDE * 3), buffers.image(SIDE * SIDE), None)
     soften(image, 0.5, 1, new_team(COUNTERS), buffers)
     for name in ("half", *ENCODERS):
-        chosen = encoder(name)
-        for chosen.fidelity in FIDELITIES:
-            chosen.encode(np.zeros((SIDE, SIDE, 3), np.uint8), 4, 2, FALLBACK_CELL)
-        chosen.clear()
+        encode_tiny(encoder(name))
     make_ready()
 
 

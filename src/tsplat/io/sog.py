@@ -48,7 +48,7 @@ def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) ->
         It is no zip or JSON of a scene, or its planes contradict it.
     """
     scenes = _find_scenes(path, options.lod)
-    check_paid(path, scenes)
+    check_paid(path, sum(scene.unpaid for scene in scenes))
     k = max(scene.k for scene in scenes)
     arrays = Arrays.empty(sum(scene.kept for scene in scenes), k)
     done, finite = 0, True
@@ -81,9 +81,9 @@ class Scene(NamedTuple):
         return self.meta.count if self.wanted is None else int(np.count_nonzero(self.wanted))
 
 
-def check_paid(path: Path, scenes: list[Scene]) -> None:
-    """Refuse scenes that have far more splats than so many bytes hold; see `check_count`."""
-    if (unpaid := sum(scene.unpaid for scene in scenes)) > SPARE_PIXELS:
+def check_paid(path: Path, unpaid: int) -> None:
+    """Refuse scenes that have far more splats than their bytes hold: ``unpaid`` together, see `check_count`."""
+    if unpaid > SPARE_PIXELS:
         problem = f"its scenes have {unpaid} splats more than their means hold, expected at most {SPARE_PIXELS}"
         raise CorruptFileError(path, f"{problem}; fetch it again")
 

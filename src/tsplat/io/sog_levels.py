@@ -72,6 +72,7 @@ class _Files:
     def __init__(self, source: Source, fields: Fields, pieces: list[Piece]) -> None:
         self.source, self.pieces, self._fields = source, pieces, fields
         self._found: dict[int, Scene] = {}
+        self._unpaid = 0
 
     def find(self, number: int, progress: Progress = lambda _: None) -> Scene:
         """Return a file, which is here from then on."""
@@ -79,7 +80,8 @@ class _Files:
             piece, meta = self.pieces[number], self.source.meta
             self.source.bring(piece.name, progress)
             self._found[number] = find_piece(meta.parent, self._fields, piece)
-            check_paid(meta, list(self._found.values()))
+            self._unpaid += self._found[number].unpaid
+            check_paid(meta, self._unpaid)
         return self._found[number]
 
 
@@ -156,7 +158,8 @@ def find_levels(source: str | Path, fetched: Fetched) -> Levels | None:
             return None
         stream = Stream(source, fetched)
         with stream.legible():
-            return _open(stream, all_now=False) if is_streamed(_fields(stream.meta)) else None
+            fields = _fields(stream.meta)
+            return _open(stream, fields, all_now=False) if is_streamed(fields) else None
     path = Path(source)
     if not is_streamed_file(path):
         return None
@@ -185,23 +188,24 @@ def open_levels(path: Path) -> Levels:
     OSError
         A file cannot be read.
     """
-    return _open(Here(path), all_now=True)
-
-
-def _open(source: Source, *, all_now: bool) -> Levels:
-    """Return the levels of a scene: with the headers of all files, or of those without which nothing is known."""
-    fields = _fields(source.meta)
+    fields = _fields(path)
     if not is_streamed(fields):
-        raise LoadError(source.meta, "is no lod-meta.json, which has a tree and filenames; load it")
+        raise LoadError(path, "is no lod-meta.json, which has a tree and filenames; load it")
+    return _open(Here(path), fields, all_now=True)
+
+
+def _open(source: Source, fields: Fields, *, all_now: bool) -> Levels:
+    """Return the levels of a scene: with the headers of all files, or of those without which nothing is known."""
     leaves, pieces = leaves_and_pieces(fields)
     files, numbers, counts = _Files(source, fields, pieces), dict[Lod, int](), list[I64]()
     first = next(number for number, piece in enumerate(pieces) if piece.name == leaves[0][0].name)
     known = [files.find(number) for number in (range(len(pieces)) if all_now else [first])]
     for number, piece in enumerate(pieces):
-        runs = [(0, files.find(number).meta.count)] if piece.runs is None else piece.runs
-        lods = [Lod(piece.name, 0, None)] if piece.runs is None else [Lod(piece.name, *run) for run in runs]
-        numbers |= {lod: len(numbers) + place for place, lod in enumerate(lods)}
-        counts.append(np.array([count for _, count in runs]))
+        runs = [Lod(piece.name, 0, None)] if piece.runs is None else [Lod(piece.name, *run) for run in piece.runs]
+        numbers |= {run: len(numbers) + place for place, run in enumerate(runs)}
+        counts.append(
+            np.array([files.find(number).meta.count if run.count is None else run.count for run in runs])
+        )
     return Levels(
         files, counts, [[numbers[lod] for lod in leaf] for leaf in leaves],
         coefficients=max(file.k for file in known), antialiased=all(file.meta.antialiased for file in known),

@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager
 from functools import partial
 from tempfile import mkdtemp
 
-from tsplat.io.remote import Fetched, Progress, Remote, url_beside
+from tsplat.io.remote import Fetched, Progress, url_beside
 from tsplat.io.sog_beside import Beside
 from tsplat.io.sources import GETTING, PREFIX, fetch_by, legible, place_in
 
@@ -44,7 +44,7 @@ class Stream:
         weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
         self.meta = place_in(self._folder, url)
         with self.legible():
-            fetch = fetch_by(Remote(url, fetched))
+            fetch = fetch_by(url, fetched)
             fetch(url, self.meta, lambda _: None)
             self._beside = Beside(self.meta.parent, partial(url_beside, url), fetch)
 

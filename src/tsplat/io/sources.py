@@ -139,8 +139,7 @@ def _copy(file: BinaryIO, place: Path, progress: Progress, fetched: Fetched) -> 
 
 
 def _fetch(url: str, place: Path, lod: int | None, progress: Progress, fetched: Fetched) -> None:
-    fetched(0, None)
-    fetch = fetch_by(Remote(url, fetched))
+    fetch = fetch_by(url, fetched)
 
     def silent(_: float) -> None:
         pass
@@ -151,8 +150,10 @@ def _fetch(url: str, place: Path, lod: int | None, progress: Progress, fetched: 
         fetch_beside(place, partial(url_beside, url), fetch, lod, progress if begins else silent)
 
 
-def fetch_by(remote: Remote) -> Fetch:
-    """Return what brings a file to a place, unpacked."""
+def fetch_by(url: str, fetched: Fetched) -> Fetch:
+    """Return what brings files from where a URL leads to a place, unpacked; see `Remote`."""
+    fetched(0, None)
+    remote = Remote(url, fetched)
 
     def fetch(url: str, place: Path, progress: Progress) -> None:
         remote.fetch(url, place, progress)

@@ -18,14 +18,13 @@ from tsplat.encode.pieces import pieces
 from tsplat.rendering import Rendering
 from tsplat.scene import Gaussians
 from tsplat.terminal.keys import TerminalSize
-from tsplat.terminal.pacing import LADDER
 from tsplat.terminal.probe import TRUECOLOR, Profile
 from tsplat.viewer.detail import Detail
 from tsplat.viewer.scenes import Scenes
 from tsplat.viewer.spans import Span, covered, painted, shaded
 from tsplat.viewer.state import ViewerState
 from tsplat.warmup import draw_tiny
-from tsplat.warmup_process import SIDE
+from tsplat.warmup_process import SIDE, encode_tiny
 
 F32 = npt.NDArray[np.float32]
 U8 = npt.NDArray[np.uint8]
@@ -33,8 +32,6 @@ U8 = npt.NDArray[np.uint8]
 HOME = b"\x1b[H"
 
 TRUE_COLORS = Profile(colors=TRUECOLOR)
-
-LEAST_FIDELITY = min(quality.fidelity for quality in LADDER)
 
 LUMA = np.array([0.2126, 0.7152, 0.0722], np.float32)
 """How bright each primary looks, ITU-R BT.709."""
@@ -80,9 +77,7 @@ class Painter:
         chosen = self.new_encoder(state)  # not the one that remembers what is on screen
         draw_tiny(replace(state.options, depths=False))
         self.detail.warm_up(view_camera(state, SIDE, SIDE))
-        for chosen.fidelity in (1.0, LEAST_FIDELITY):  # what is left out takes kernels of its own
-            chosen.encode(np.zeros((SIDE, SIDE, 3), np.uint8), 4, 2, FALLBACK_CELL)
-        chosen.clear()
+        encode_tiny(chosen)
 
     def draw(self, state: ViewerState, density: float = 1.0, *, exact: bool = True) -> Drawn:
         """Render a frame of the size that the output needs, or a share of it along either side.
