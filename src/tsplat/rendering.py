@@ -85,6 +85,9 @@ class RenderOptions:
     train_views : TrainViews, optional
         What the training cameras had in view, for ``relative``: where the eye comes nearer to a splat than any of
         them was, the dilation keeps its size in the world.
+    memory : int
+        Bytes that the work on a frame may take, beside the picture: above it, the picture is drawn in parts, to the
+        same bits; 0 means half of what is free. Each tile's splats have to fit in any case.
     depths : bool
         Whether the expected depth is wanted; without it, drawing is a little faster.
     near_plane, far_plane : float
@@ -108,6 +111,7 @@ class RenderOptions:
     threads: int = 0
     train_focal: float = TRAIN_FOCAL_GUESS
     train_views: TrainViews | None = None
+    memory: int = 0
     depths: bool = True
     near_plane: float = NEAR_PLANE
     far_plane: float = FAR_PLANE
@@ -123,6 +127,7 @@ class RenderOptions:
         _expect(finite, "background", self.background, "three finite numbers, 0 to 1")
         object.__setattr__(self, "background", background)
         _expect(0 <= self.threads <= 1024, "threads", self.threads, "0 (all) to 1024")
+        _expect(self.memory >= 0, "memory", self.memory, "bytes, 0 (half of what is free) or more")
         _expect(0.0 < self.train_focal < math.inf, "train_focal", self.train_focal, "pixels above 0")
         planes = 0.0 < self.near_plane < self.far_plane <= FAR_PLANE
         _expect(planes, "near_plane and far_plane", (self.near_plane, self.far_plane), "0 < near < far <= 1e10")
@@ -203,7 +208,7 @@ class Rendering:
         Expected depth in world units along the view axis, 0 where nothing was drawn;
         None when `RenderOptions.depths` was off.
     visible : int
-        Splats that touch the image.
+        Splats that touch the image; no more than so many where it was drawn in parts.
     pairs : int
         Pairs of a splat and a tile it may touch.
     blends : int

@@ -38,7 +38,7 @@ def bin_tiles(worker, frame):
     _count(first, end, frame.tile_columns, frame.sorted_tiles, frame.tile_steps[worker], counts)
     if not meet(frame.team, frame.workers):
         return -1
-    pairs = scan(worker, frame.tile_counts, 0, frame.tile_count, cursors)
+    pairs = scan(worker, frame.tile_counts, frame.first_tile, frame.end_tile, cursors)
     if pairs <= room(frame):
         _scatter(first, end, frame.tile_columns, frame.order, frame.sorted_tiles, cursors, frame.isect_ids)
         frame.isect_ids[pairs : pairs + SLACK] = 0

@@ -18,6 +18,9 @@ CACHE_LINE = 64
 SPARE = CACHE_LINE // 4
 """Values that an image's memory is longer than the image."""
 
+MOST_AHEAD = 32 << 20
+"""Bytes that an array grows by at most beyond what is asked for, as what grew once may grow again."""
+
 IMAGES_KEPT = 8
 """Two frames of colours, alphas and depths are in use at once; more would only be forgotten memory."""
 
@@ -43,10 +46,18 @@ class Buffers:
     def array(self, name: str, length: int, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
         """Return the array of that name, at least this long; what it held is lost when it grows."""
         found = self._arrays.get(name)
-        if found is None or len(found) < length:
-            # What grew once may grow again.
-            found = self._arrays[name] = aligned(length if found is None else length + length // 2, dtype)
-        return found
+        if found is not None and len(found) >= length:
+            return found
+        ahead = 0 if found is None else min(length // 2, MOST_AHEAD // np.dtype(dtype).itemsize)
+        found = None
+        self._arrays.pop(name, None)  # the old one goes before the new one comes
+        self._arrays[name] = aligned(length + ahead, dtype)
+        return self._arrays[name]
+
+    @property
+    def nbytes(self) -> int:
+        """How many bytes the work arrays take."""
+        return sum(array.nbytes for array in self._arrays.values())
 
     def image(self, *shape: int) -> F32:
         """Return an image of unspecified content that nobody else holds; its first value starts a cache line."""

@@ -43,16 +43,18 @@ def composite(worker, frame):
     # Behind the last member, one that is never seen completes the threes.
     batch[NOBODY : NOBODY + col.LENGTH] = 0.0
     batch[NOBODY + col.CUT] = np.inf
-    blends, t, behind = 0, -1, 0
+    first, tiles = frame.first_tile, frame.end_tile - frame.first_tile
+    blends, taken, behind = 0, -1, 0
     while True:
-        t += 1
-        if t == behind:
-            t, behind = take(frame.team, NEXT_TILE, frame.tile_count, 1, frame.workers)
-        if t == frame.tile_count:
+        taken += 1
+        if taken == behind:
+            taken, behind = take(frame.team, NEXT_TILE, tiles, 1, frame.workers)
+        if taken == tiles:
             frame.results[worker, BLENDS] = blends
             return meet(frame.team, frame.workers)
+        t = first + taken
         left, top = t % frame.tile_columns * TILE, t // frame.tile_columns * TILE
-        next_, end = (isect_ends[t - 1] if t > 0 else 0), isect_ends[t]
+        next_, end = (isect_ends[t - 1] if taken > 0 else 0), isect_ends[t]
         if next_ == end:
             write_background(tile, left, top, frame.image, depths)
             continue

@@ -39,6 +39,12 @@ LOW_BITS = 9
 BUCKETS = 1 << (31 - DEPTH_BITS_IGNORED - LOW_BITS)
 """Of the second pass of the sort, which needs more: depths are positive, so there is no sign bit."""
 
+SPLAT_BYTES = 4 * LENGTH + 4 + 8 + 8 + 4 + 8
+"""Of a frame for each splat of its blocks: a record, its key, and by what it is sorted and listed."""
+
+PAIR_BYTES = 4
+"""Of a frame for each pair of a tile and a splat."""
+
 SCRATCH_ROWS = 21
 SCRATCH = SCRATCH_ROWS * BLOCK
 """float32 values of a worker's own memory; project and composite use it in turn, in the first-level cache."""
@@ -52,7 +58,7 @@ BLENDS, VISIBLE, LOWEST_KEY, HIGHEST_KEY = range(4)
 NONE = np.empty(0, np.float32)
 """In place of an array that a frame does without."""
 
-OWN = 7
+OWN = 9
 """Fields of a frame that are its own, the first ones; it shares the others with the next one of its size."""
 
 STAGES = ("project", "sort", "bin", "composite")
@@ -76,6 +82,25 @@ class Image(NamedTuple):
     past_caches: bool = False
 
 
+class Window(NamedTuple):
+    """The tiles that are drawn, counted row by row: whole rows of them, or some of one row."""
+
+    first_tile: int
+    end_tile: int
+
+    def pixels(self, width: int, height: int) -> tuple[int, int, int, int]:
+        """Return the first column and row of pixels, and the last, in an image of this size."""
+        columns = -(-width // TILE)
+        (top, left), (bottom, right) = divmod(self.first_tile, columns), divmod(self.end_tile - 1, columns)
+        last_x, last_y = TILE * right + TILE - 1, TILE * bottom + TILE - 1
+        return TILE * left, TILE * top, min(last_x, width - 1), min(last_y, height - 1)
+
+
+def whole(width: int, height: int) -> Window:
+    """Return the window that is all of an image."""
+    return Window(0, -(-width // TILE) * -(-height // TILE))
+
+
 class Frame(NamedTuple):
     """One frame; what `Prepared` describes is flat here, and the work arrays may be longer than the frame needs.
 
@@ -87,6 +112,8 @@ class Frame(NamedTuple):
         Which blocks of the scene are drawn.
     train_depths, frusta : ndarray of float32
         See `TrainDepths`; empty where no training camera is known.
+    first_tile, end_tile : int
+        See `Window`; what touches no tile of it is not seen.
     records : ndarray of float32, [B * BLOCK * 8]
         One row for each visible splat, see `record`; those of a block start where it would if only these were.
     depth_keys : ndarray of uint32, [B * BLOCK]
@@ -106,8 +133,9 @@ class Frame(NamedTuple):
     bounds: F32
     train_depths: F32
     frusta: F32
+    first_tile: int
+    end_tile: int
     tile_columns: int
-    tile_count: int
     workers: int
     past_caches: bool
     coefficients_stored: int
@@ -138,16 +166,10 @@ class Frame(NamedTuple):
     stamps: I64
 
 
-def new_frame(
-    scene: Prepared, blocks: npt.NDArray[np.int32], camera: Camera, options: RenderOptions, pairs: int
-) -> Frame:
-    """Return a frame of these blocks with room for so many pairs of a tile and a splat, and images of its own."""
+def new_image(scene: Prepared, camera: Camera, options: RenderOptions) -> Image:
+    """Return an image of unspecified content that nobody else holds."""
     height, width, buffers = camera.height, camera.width, scene.buffers
-    size = width, height, options.worker_count, pairs, len(blocks)
-    if scene.last_size != size:
-        scene.last_frame, scene.last_size = _frame_of_size(scene, *size), size
-        scene.last_known = known(scene.last_frame[OWN:])
-    image = Image(
+    return Image(
         width,
         height,
         np.asarray(options.background, np.float32),
@@ -156,9 +178,43 @@ def new_frame(
         depths=buffers.image(height * width) if options.depths else None,
         past_caches=width % TILE == 0 and PIXEL * width * height > CACHES,
     )
-    coefficients = scene.coefficients_used(options.sh_degree)
-    own = camera_numbers(camera, options), image, blocks, coefficients, *_near(scene, options)
+
+
+def new_frame(
+    scene: Prepared,
+    blocks: npt.NDArray[np.int32],
+    camera: Camera,
+    options: RenderOptions,
+    pairs: int,
+    *,
+    image: Image | None = None,
+    window: Window | None = None,
+) -> Frame:
+    """Return a frame of these blocks with room for so many pairs of a tile and a splat.
+
+    It draws a window of an image, or all of a new one.
+    """
+    size = camera.width, camera.height, options.worker_count, pairs, len(blocks)
+    if scene.last_size != size:
+        scene.last_frame = scene.last_known = None  # so that what it held of larger arrays goes before they come
+        scene.last_frame, scene.last_size = _frame_of_size(scene, *size), size
+        scene.last_known = known(scene.last_frame[OWN:])
+    window = window or whole(camera.width, camera.height)
+    own = (
+        camera_numbers(camera, options, window.pixels(camera.width, camera.height)),
+        image or new_image(scene, camera, options),
+        blocks,
+        scene.coefficients_used(options.sh_degree),
+        *_near(scene, options),
+        *window,
+    )
     return Frame(*own, *scene.last_frame[OWN:])
+
+
+def sight(scene: Prepared, camera: Camera, options: RenderOptions, window: Window) -> tuple[F32, F32]:
+    """Return what says which blocks may reach into a window: `camera_numbers`, and the bounds of the blocks."""
+    bounds, _, _ = _near(scene, options)
+    return camera_numbers(camera, options, window.pixels(camera.width, camera.height)), bounds
 
 
 def _near(scene: Prepared, options: RenderOptions) -> tuple[F32, F32, F32]:
@@ -187,8 +243,9 @@ def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs
         bounds=scene.bounds,
         train_depths=NONE,
         frusta=NONE,
+        first_tile=0,
+        end_tile=tile_count,
         tile_columns=tile_columns,
-        tile_count=tile_count,
         workers=workers,
         past_caches=4 * padded * LENGTH > CACHES,
         coefficients_stored=scene.coefficients,
@@ -220,13 +277,17 @@ def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs
     )
 
 
-def camera_numbers(camera: Camera, options: RenderOptions) -> F32:
+def camera_numbers(
+    camera: Camera, options: RenderOptions, window: tuple[int, int, int, int] | None = None
+) -> F32:
     """Return the world-to-camera matrix, its first three rows, then what `project` names, and the eye.
 
-    Six more are for `in_sight`: where the image ends on the right, left, below and above, as tangents, and
-    how far a splat of scale 1 reaches to the side and up. The last is what near splats are widened by.
+    Six more are for `in_sight`: where the window ends on the right, left, below and above, as tangents, and
+    how far a splat of scale 1 reaches to the side and up. Then comes what near splats are widened by, and last
+    the window's first column and row of pixels. Without a window, see `Window.pixels`, all of the image is one.
     """
     (fx, _, cx), (_, fy, cy), _ = camera.K.tolist()
+    first_x, first_y, last_x, last_y = window or (0, 0, camera.width - 1, camera.height - 1)
     margin = (JACOBIAN_LIMIT - 1.0) * 0.5
     focal = math.sqrt(fx * fy)
     added, reference = options.filter2d(focal)
@@ -240,11 +301,12 @@ def camera_numbers(camera: Camera, options: RenderOptions) -> F32:
     return np.array([
         *first, *second, *third,
         fx, fy, cx, cy, u_min, u_max, v_min, v_max, added, reference, options.near_plane, options.far_plane,
-        log2_alpha_min, options.sigma_extent**2, camera.width - 1, camera.height - 1,
+        log2_alpha_min, options.sigma_extent**2, last_x, last_y,
         *camera.eye.tolist(),
-        (camera.width - cx + spare) / fx, (cx + spare) / fx, (camera.height - cy + spare) / fy, (cy + spare) / fy,
+        (last_x + 1 - cx + spare) / fx, (cx - first_x + spare) / fx,
+        (last_y + 1 - cy + spare) / fy, (cy - first_y + spare) / fy,
         # A blur of the image is as wide as high, whatever its pixels are.
         extent * max(math.hypot(1.0, max(-u_min, u_max)), focal / fx),
         extent * max(math.hypot(1.0, max(-v_min, v_max)), focal / fy),
-        options.near_blur(focal),
+        options.near_blur(focal), first_x, first_y,
     ], np.float32)  # fmt: skip

@@ -191,6 +191,7 @@ def _place_splats(start, numbers, base_colors, scratch):
     """Fill the centre in pixels, what the ellipse covers of the image, and the colour without direction."""
     fx, fy, cx, cy = numbers[12:16]
     near, far, _, _, last_x, last_y = numbers[22:28]
+    first_x, first_y = numbers[38:40]
     zero, one, half = np.float32(0.0), np.float32(1.0), np.float32(0.5)
     padded = np.uint64(len(base_colors) // 3)
     for j in range(BLOCK):
@@ -200,8 +201,8 @@ def _place_splats(start, numbers, base_colors, scratch):
         x = fx * scratch[np.uint64(col.X) * STRIDE + k] + cx - half
         y = fy * scratch[np.uint64(col.Y) * STRIDE + k] + cy - half
         radius_x, radius_y = math.sqrt(max(squared_radius * a, zero)), math.sqrt(max(squared_radius * d, zero))
-        left, right = max(np.ceil(x - radius_x), zero), min(np.floor(x + radius_x), last_x)
-        top, bottom = max(np.ceil(y - radius_y), zero), min(np.floor(y + radius_y), last_y)
+        left, right = max(np.ceil(x - radius_x), first_x), min(np.floor(x + radius_x), last_x)
+        top, bottom = max(np.ceil(y - radius_y), first_y), min(np.floor(y + radius_y), last_y)
         seen = (z > near) & (z < far) & (squared_radius > zero) & (left <= right) & (top <= bottom)
         scratch[np.uint64(col.X) * STRIDE + k], scratch[np.uint64(col.Y) * STRIDE + k] = x, y
         scratch[np.uint64(RED) * STRIDE + k] = max(base_colors[i], zero)
