@@ -20,7 +20,7 @@ UNLIMITED = 1 << 60
 
 
 def free_memory() -> int:
-    """Return how many bytes this process may still take: what is free, in its control group and within its limits."""
+    """Return how many bytes this process may still take, in its control groups and within its limits."""
     return max(0, min(_free_on_the_machine(), *_free_in_groups(), _free_within_limits()))
 
 

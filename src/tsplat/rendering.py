@@ -54,11 +54,6 @@ JACOBIAN_LIMIT = 1.3
 SIGMA_EXTENT = math.sqrt(2.0 * math.log(255.0))
 """Standard deviations at which even an opaque splat falls below ALPHA_MIN: 3.33, so it cuts nothing more."""
 
-DEPTH_BITS_IGNORED = 7
-"""Low bits of a float32 depth that do not count in sorting: depths within 1.5e-5 of each other are
-equal, and equal ones keep the order of the file. Below that, float32 holds the noise of the
-projection, and neighbours would swap places, visibly, whenever the camera moves."""
-
 TRAIN_FOCAL_GUESS = 1100.0
 """Focal length in pixels assumed for ``relative`` where no training camera is known: a phone's or
 a DSLR's pictures downsampled to about 1.2 megapixels, as the common datasets are trained."""
@@ -86,8 +81,8 @@ class RenderOptions:
         What the training cameras had in view, for ``relative``: where the eye comes nearer to a splat than any of
         them was, the dilation keeps its size in the world.
     memory : int
-        Bytes that the work on a frame may take, beside the picture: above it, the picture is drawn in parts, to the
-        same bits; 0 means half of what is free. Each tile's splats have to fit in any case.
+        Bytes that the work on a frame may take, beside the picture: above it, the picture is drawn in parts, to
+        the same bits; 0 means half of what is free. Each tile's splats have to fit in any case.
     depths : bool
         Whether the expected depth is wanted; without it, drawing is a little faster.
     near_plane, far_plane : float

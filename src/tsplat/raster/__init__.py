@@ -101,14 +101,15 @@ def _draw_window(
         parts = parts_for(len(blocks), options, scene.buffers)
         if parts > 1 and window.end_tile - window.first_tile > 1:
             return parts
-    pairs = 2 * BLOCK * len(blocks)
+    wanted = 2 * BLOCK * len(blocks)
     while True:
-        frame = new_frame(scene, blocks, camera, options, pairs, image=image, window=window)
+        frame = new_frame(scene, blocks, camera, options, wanted, image=image, window=window)
         start = time.monotonic_ns()
-        pairs = on_threads(options.worker_count, frame.team, draw.on(frame, scene.last_known), meets=True)
+        pairs: int = on_threads(options.worker_count, frame.team, draw.on(frame, scene.last_known), meets=True)
         if pairs <= room(frame):
             totals.add(frame, start, pairs)
             return 1
+        wanted = pairs
         most = most_pairs(pairs, len(blocks), options, scene.buffers)
         if pairs > most:
             return math.ceil(pairs / most)

@@ -21,7 +21,7 @@ from tsplat.raster.cells import CELL, CELLS, CUTS, GRID, SHAPES, TILE, touch
 from tsplat.raster.falloff import LOG2_E, OFFSET, SCALE, alpha_of
 from tsplat.raster.frame import BLENDS, NEXT_TILE
 from tsplat.raster.tile import CELL_SIZE, TILE_SIZE, clear, write, write_background
-from tsplat.rendering import ALPHA_MAX, DEPTH_BITS_IGNORED, TRANSMITTANCE_MIN
+from tsplat.rendering import ALPHA_MAX, TRANSMITTANCE_MIN
 
 LANE_X = (np.arange(8) % CELL).astype(np.float32)
 LANE_Y = (np.arange(8) // CELL).astype(np.float32)
@@ -93,7 +93,9 @@ def _fill_batch(frame, next_, end, left, top, live, batch, shapes, touched, dept
             store(batch, member + col.UNPACKED, load_half(halves, (2 * record + 1) * packed.LENGTH))
             batch[np.uint64(member + col.CUT)] = shapes[np.uint64(CUTS + lane)]
             if depths is not None:
-                batch[np.uint64(member + col.DEPTH)] = _depth(frame.depth_keys[np.uint64(record)])
+                batch[np.uint64(member + col.DEPTH)] = np.uint32(frame.depth_keys[np.uint64(record)]).view(
+                    np.float32
+                )
             touched[np.uint64(members)] = cells
             members += 1 if cells != 0 else 0  # what touches nothing is overwritten
         next_ += 8
@@ -104,13 +106,6 @@ def _fill_batch(frame, next_, end, left, top, live, batch, shapes, touched, dept
 @part
 def _record(isect_ids, i):
     return np.int64(isect_ids[np.uint64(i)])
-
-
-@part
-def _depth(key):
-    """Return the middle of the depths that have this sort key."""
-    middle = np.uint32(1 << DEPTH_BITS_IGNORED - 1)
-    return np.uint32((key << np.uint32(DEPTH_BITS_IGNORED)) + middle).view(np.float32)
 
 
 @part

@@ -16,7 +16,7 @@ from tsplat.raster.cells import CELLS, TILE
 from tsplat.raster.prepare import BLOCK, Prepared
 from tsplat.raster.record import LENGTH
 from tsplat.raster.train_depths import train_depths_of
-from tsplat.rendering import DEPTH_BITS_IGNORED, JACOBIAN_LIMIT, RenderOptions
+from tsplat.rendering import JACOBIAN_LIMIT, RenderOptions
 
 F32 = npt.NDArray[np.float32]
 I32 = npt.NDArray[np.int32]
@@ -33,11 +33,12 @@ CACHES = 12 << 20
 PIXEL = 16
 """Bytes of a pixel's colours and alpha."""
 
-LOW_BITS = 9
-"""Of the first pass of the sort: it writes to so few places at a time that the first-level cache holds them."""
+SORT_BITS = 9
+"""Of a depth, in the first two passes of the sort: these write to so few places at a time that the first-level
+cache holds them."""
 
-BUCKETS = 1 << (31 - DEPTH_BITS_IGNORED - LOW_BITS)
-"""Of the second pass of the sort, which needs more: depths are positive, so there is no sign bit."""
+HIGH_BUCKETS = 1 << (31 - 2 * SORT_BITS)
+"""Of the last pass: depths are positive, so there is no sign bit."""
 
 SPLAT_BYTES = 4 * LENGTH + 4 + 8 + 8 + 4 + 8
 """Of a frame for each splat of its blocks: a record, its key, and by what it is sorted and listed."""
@@ -52,13 +53,14 @@ SCRATCH = SCRATCH_ROWS * BLOCK
 SLACK = 64
 """Entries behind the last one that are read ahead, never drawn; in ``isect_ids`` they are zero."""
 
-BLENDS, VISIBLE, LOWEST_KEY, HIGHEST_KEY = range(4)
-"""Columns of ``results``: cells blended by this worker, records of all, the range of this worker's sort keys."""
+BLENDS, VISIBLE, LOWEST, HIGHEST = range(4)
+"""Columns of ``results``: cells blended by this worker, records of all, the range of the high bits of this
+worker's depths."""
 
 NONE = np.empty(0, np.float32)
 """In place of an array that a frame does without."""
 
-OWN = 9
+OWN = 10
 """Fields of a frame that are its own, the first ones; it shares the others with the next one of its size."""
 
 STAGES = ("project", "sort", "bin", "composite")
@@ -108,6 +110,8 @@ class Frame(NamedTuple):
     ----------
     numbers : ndarray of float32
         The camera's and the options', see `camera_numbers`.
+    viewmat : ndarray of float64, [12]
+        The first three rows of the world-to-camera matrix.
     blocks : ndarray of int32, [B]
         Which blocks of the scene are drawn.
     train_depths, frusta : ndarray of float32
@@ -117,7 +121,7 @@ class Frame(NamedTuple):
     records : ndarray of float32, [B * BLOCK * 8]
         One row for each visible splat, see `record`; those of a block start where it would if only these were.
     depth_keys : ndarray of uint32, [B * BLOCK]
-        What each record is sorted by.
+        The bits of the depth of each record, as float32: it is sorted by them.
     tiles : ndarray of uint64, [B * BLOCK]
         First tile of each record, 16 bits of its column and then of its row; above, the last tile.
     visible : ndarray of int32, [B]
@@ -127,6 +131,7 @@ class Frame(NamedTuple):
     """
 
     numbers: F32
+    viewmat: npt.NDArray[np.float64]
     image: Image
     blocks: npt.NDArray[np.int32]
     coefficients: int
@@ -202,6 +207,7 @@ def new_frame(
     window = window or whole(camera.width, camera.height)
     own = (
         camera_numbers(camera, options, window.pixels(camera.width, camera.height)),
+        camera.viewmat.ravel()[:12],
         image or new_image(scene, camera, options),
         blocks,
         scene.coefficients_used(options.sh_degree),
@@ -237,6 +243,7 @@ def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs
 
     return Frame(
         numbers=NONE,
+        viewmat=NONE.astype(np.float64),
         image=Image(width, height, NONE, NONE, NONE, None),
         blocks=scene.blocks,
         coefficients=0,
@@ -263,8 +270,8 @@ def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs
         order=buffers.array("order", padded, np.int32),
         sorted_tiles=buffers.array("sorted_tiles", padded, np.uint64),
         isect_ids=buffers.array("isect_ids", pairs + SLACK, np.int32),
-        sort_counts=by_worker("sort_counts", BUCKETS, np.int32),
-        sort_cursors=by_worker("sort_cursors", BUCKETS, np.int32),
+        sort_counts=by_worker("sort_counts", HIGH_BUCKETS, np.int32),
+        sort_cursors=by_worker("sort_cursors", HIGH_BUCKETS, np.int32),
         tile_steps=by_worker("tile_steps", tile_count + tile_columns + tile_rows + 1, np.int32),
         tile_counts=by_worker("tile_counts", tile_count, np.int32),
         tile_cursors=by_worker("tile_cursors", tile_count, np.int32),
@@ -277,9 +284,7 @@ def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs
     )
 
 
-def camera_numbers(
-    camera: Camera, options: RenderOptions, window: tuple[int, int, int, int] | None = None
-) -> F32:
+def camera_numbers(camera: Camera, options: RenderOptions, window: tuple[int, int, int, int] | None = None) -> F32:
     """Return the world-to-camera matrix, its first three rows, then what `project` names, and the eye.
 
     Six more are for `in_sight`: where the window ends on the right, left, below and above, as tangents, and

@@ -182,13 +182,17 @@ def _prepare_blocks(worker, job):
 
 @part
 def covariance_of(quats, scales, i, covars, at, stride):
-    """Write the upper triangle of a splat's covariance to ``covars[at]`` and every ``stride`` after it."""
-    one, two = np.float32(1), np.float32(2)
-    w, x, y, z = quats[i, 0], quats[i, 1], quats[i, 2], quats[i, 3]
-    sx, sy, sz = scales[i, 0], scales[i, 1], scales[i, 2]
-    xx, xy, xz = (one - two * (y * y + z * z)) * sx, two * (x * y - w * z) * sy, two * (x * z + w * y) * sz
-    yx, yy, yz = two * (x * y + w * z) * sx, (one - two * (x * x + z * z)) * sy, two * (y * z - w * x) * sz
-    zx, zy, zz = two * (x * z - w * y) * sx, two * (y * z + w * x) * sy, (one - two * (x * x + y * y)) * sz
+    """Write the upper triangle of a splat's covariance to ``covars[at]`` and every ``stride`` after it.
+
+    Summed in float64: of a needle's thin sides float32 leaves few digits as it is.
+    """
+    w, x, y, z = (
+        np.float64(quats[i, 0]), np.float64(quats[i, 1]), np.float64(quats[i, 2]), np.float64(quats[i, 3])
+    )  # fmt: skip
+    sx, sy, sz = np.float64(scales[i, 0]), np.float64(scales[i, 1]), np.float64(scales[i, 2])
+    xx, xy, xz = (1.0 - 2.0 * (y * y + z * z)) * sx, 2.0 * (x * y - w * z) * sy, 2.0 * (x * z + w * y) * sz
+    yx, yy, yz = 2.0 * (x * y + w * z) * sx, (1.0 - 2.0 * (x * x + z * z)) * sy, 2.0 * (y * z - w * x) * sz
+    zx, zy, zz = 2.0 * (x * z - w * y) * sx, 2.0 * (y * z + w * x) * sy, (1.0 - 2.0 * (x * x + y * y)) * sz
     covars[at] = xx * xx + xy * xy + xz * xz
     covars[stride + at] = xx * yx + xy * yy + xz * yz
     covars[2 * stride + at] = xx * zx + xy * zy + xz * zz

@@ -22,7 +22,6 @@ from tsplat.raster.prepare import BLOCK, HALF_MAX
 from tsplat.raster.sh import color_eight
 from tsplat.raster.sight import in_sight
 from tsplat.raster.train_depths import NOT_YET, fill_train_depths
-from tsplat.rendering import DEPTH_BITS_IGNORED
 
 STRIDE = np.uint64(BLOCK)
 """BLOCK, unsigned as the indices are: a constant distance that LLVM can prove free of overlap."""
@@ -32,13 +31,19 @@ STRIDE = np.uint64(BLOCK)
 RED, GREEN, BLUE, DEPTH = 8, 9, 10, 11
 SEEN, FIRST_TILE, LAST_TILE = 12, 13, 14
 # Then what the loops hand to each other.
-INVERSE_Z, A, B, D, SQUARED_RADIUS = 15, 16, 17, 18, 19
+INVERSE_Z, A, B, D, SQUARED_RADIUS, LENGTHINESS = 15, 16, 17, 18, 19, 20
 
 ROWS_BY_SPLAT = 20 * BLOCK
-"""Behind these rows, the records of eight splats."""
+"""Behind the first of these rows, the records of eight splats, at the end."""
 
 LEAST = 4
 """Blocks that a worker takes at least: a page of each array, within which a processor reads ahead by itself."""
+
+NEEDLE = 500.0
+"""How much larger the product of the variances than the determinant may be: beyond, float32 has too few digits."""
+
+LEAST_DETERMINANT = 1e-9
+"""Share of the product of the variances that a determinant has at least, whatever rounding left of it."""
 
 LOG2_TILE = np.int32(int(math.log2(TILE)))
 
@@ -81,7 +86,7 @@ def _project_block(start, frame, scratch):
     A few loops in place of one: each is short enough for the processor to have several of its rounds under way.
     """
     numbers = frame.numbers
-    _project_means(start, numbers, frame.means, scratch)
+    _project_means(start, frame.viewmat, frame.means, scratch)
     _project_covars(start, numbers, frame.covars, scratch)
     if numbers[37] > 0:
         _widen_near(start, numbers, frame.train_depths, scratch)
@@ -89,22 +94,27 @@ def _project_block(start, frame, scratch):
     if numbers[20] != numbers[21]:
         _compensate_opacities(numbers, scratch)
     _shape_splats(numbers, scratch)
+    _sharpen_needles(start, frame, scratch)
     _place_splats(start, numbers, frame.base_colors, scratch)
 
 
 @part
-def _project_means(start, numbers, means, scratch):
-    """Fill X and Y, still at depth 1, and DEPTH and INVERSE_Z."""
-    r00, r01, r02, tx, r10, r11, r12, ty, r20, r21, r22, tz = numbers[:12]
+def _project_means(start, viewmat, means, scratch):
+    """Fill X and Y, still at depth 1, and DEPTH and INVERSE_Z.
+
+    Sums are those of float64: through a long lens, or far from the origin, float32 would leave a splat beside its
+    place, and order those of one wall anew in each frame.
+    """
+    r00, r01, r02, tx, r10, r11, r12, ty, r20, r21, r22, tz = viewmat
     padded = np.uint64(len(means) // 3)
     for j in range(BLOCK):
         i = np.uint64(start + j)  # unsigned: no branch for a negative index, which would end vectorisation
         k = np.uint64(j)
         mx, my, mz = means[i], means[padded + i], means[np.uint64(2) * padded + i]
-        z = r20 * mx + r21 * my + r22 * mz + tz
+        z = np.float32(r20 * mx + r21 * my + r22 * mz + tz)
         inverse_z = np.float32(1.0) / z
-        scratch[np.uint64(col.X) * STRIDE + k] = (r00 * mx + r01 * my + r02 * mz + tx) * inverse_z
-        scratch[np.uint64(col.Y) * STRIDE + k] = (r10 * mx + r11 * my + r12 * mz + ty) * inverse_z
+        scratch[np.uint64(col.X) * STRIDE + k] = np.float32(r00 * mx + r01 * my + r02 * mz + tx) * inverse_z
+        scratch[np.uint64(col.Y) * STRIDE + k] = np.float32(r10 * mx + r11 * my + r12 * mz + ty) * inverse_z
         scratch[np.uint64(DEPTH) * STRIDE + k], scratch[np.uint64(INVERSE_Z) * STRIDE + k] = z, inverse_z
 
 
@@ -125,11 +135,16 @@ def _project_covars(start, numbers, covars, scratch):
         xx, xy, xz = covars[i], covars[padded + i], covars[np.uint64(2) * padded + i]
         yy, yz = covars[np.uint64(3) * padded + i], covars[np.uint64(4) * padded + i]
         zz = covars[np.uint64(5) * padded + i]
-        p0, p1, p2 = xx * j00 + xy * j01 + xz * j02, xy * j00 + yy * j01 + yz * j02, xz * j00 + yz * j01 + zz * j02
-        q0, q1, q2 = xx * j10 + xy * j11 + xz * j12, xy * j10 + yy * j11 + yz * j12, xz * j10 + yz * j11 + zz * j12
-        scratch[np.uint64(A) * STRIDE + k] = j00 * p0 + j01 * p1 + j02 * p2
-        scratch[np.uint64(B) * STRIDE + k] = j10 * p0 + j11 * p1 + j12 * p2
-        scratch[np.uint64(D) * STRIDE + k] = j10 * q0 + j11 * q1 + j12 * q2
+        scratch[np.uint64(A) * STRIDE + k] = _between(j00, j01, j02, j00, j01, j02, xx, xy, xz, yy, yz, zz)
+        scratch[np.uint64(B) * STRIDE + k] = _between(j10, j11, j12, j00, j01, j02, xx, xy, xz, yy, yz, zz)
+        scratch[np.uint64(D) * STRIDE + k] = _between(j10, j11, j12, j10, j11, j12, xx, xy, xz, yy, yz, zz)
+
+
+@part
+def _between(a0, a1, a2, b0, b1, b2, xx, xy, xz, yy, yz, zz):
+    """Return the product of a row, a covariance and a column."""
+    p0, p1, p2 = xx * b0 + xy * b1 + xz * b2, xy * b0 + yy * b1 + yz * b2, xz * b0 + yz * b1 + zz * b2
+    return a0 * p0 + a1 * p1 + a2 * p2
 
 
 @part
@@ -175,6 +190,7 @@ def _shape_splats(numbers, scratch):
         d = scratch[np.uint64(D) * STRIDE + k] + added
         determinant = a * d - b * b
         inverse = one / determinant
+        scratch[np.uint64(LENGTHINESS) * STRIDE + k] = a * d - np.float32(NEEDLE) * determinant
         log2_opacity = scratch[np.uint64(col.PEAK) * STRIDE + k]
         squared_radius = min(two_ln2 * (log2_opacity - log2_alpha_min), squared_extent)
         conic = scale * fold * inverse
@@ -184,6 +200,53 @@ def _shape_splats(numbers, scratch):
         scratch[np.uint64(col.CONIC_B) * STRIDE + k] = -(conic + conic) * b
         scratch[np.uint64(col.CONIC_C) * STRIDE + k] = conic * a
         scratch[np.uint64(col.PEAK) * STRIDE + k] = scale * log2_opacity + offset
+
+
+@part
+def _sharpen_needles(start, frame, scratch):
+    """Do for the needles of a block, in float64, what `_project_covars` and those after it did for all splats."""
+    zero = splat(np.float32(0.0))
+    for first in range(0, BLOCK, 8):
+        if lanes_at_least(load(scratch, LENGTHINESS * BLOCK + first), zero) != 0:
+            for j in range(first, first + 8):
+                if scratch[np.uint64(LENGTHINESS) * STRIDE + np.uint64(j)] >= np.float32(0.0):
+                    _sharpen(np.uint64(start + j), np.uint64(j), frame, scratch)
+
+
+@part
+def _sharpen(i, k, frame, scratch):
+    numbers = frame.numbers
+    r00, r01, r02, tx, r10, r11, r12, ty, r20, r21, r22, tz = frame.viewmat
+    fx, fy, _, _, u_min, u_max, v_min, v_max, added, reference = numbers[12:22]
+    splats = np.uint64(len(frame.log2_opacities))
+    mx, my, mz = frame.means[i], frame.means[splats + i], frame.means[np.uint64(2) * splats + i]
+    z = r20 * mx + r21 * my + r22 * mz + tz
+    u = min(max((r00 * mx + r01 * my + r02 * mz + tx) / z, u_min), u_max)
+    v = min(max((r10 * mx + r11 * my + r12 * mz + ty) / z, v_min), v_max)
+    gx, gy = fx / z, fy / z
+    j00, j01, j02 = gx * (r00 - u * r20), gx * (r01 - u * r21), gx * (r02 - u * r22)
+    j10, j11, j12 = gy * (r10 - v * r20), gy * (r11 - v * r21), gy * (r12 - v * r22)
+    xx, xy, xz, yy, yz, zz = frame.covars[i::splats]
+    a = _between(j00, j01, j02, j00, j01, j02, xx, xy, xz, yy, yz, zz)
+    b = _between(j10, j11, j12, j00, j01, j02, xx, xy, xz, yy, yz, zz)
+    d = _between(j10, j11, j12, j10, j11, j12, xx, xy, xz, yy, yz, zz)
+    if numbers[37] > 0:
+        nearer = max(frame.train_depths[i] / z, 1.0)
+        a, d = a + numbers[37] * (nearer * nearer - 1.0), d + numbers[37] * (nearer * nearer - 1.0)
+    unwidened = (a + reference) * (d + reference) - b * b
+    a, d = a + added, d + added
+    determinant = max(a * d - b * b, LEAST_DETERMINANT * a * d)
+    log2_opacity = np.float64(frame.log2_opacities[i])
+    if added != reference:
+        log2_opacity += 0.5 * math.log2(max(unwidened / determinant, 1e-12))
+    conic = -0.5 * LOG2_E * SCALE / determinant
+    scratch[np.uint64(SQUARED_RADIUS) * STRIDE + k] = min(
+        2.0 / LOG2_E * (log2_opacity - numbers[24]), np.float64(numbers[25])
+    )
+    scratch[np.uint64(col.CONIC_A) * STRIDE + k] = conic * d
+    scratch[np.uint64(col.CONIC_B) * STRIDE + k] = -2.0 * conic * b
+    scratch[np.uint64(col.CONIC_C) * STRIDE + k] = conic * a
+    scratch[np.uint64(col.PEAK) * STRIDE + k] = SCALE * log2_opacity + OFFSET
 
 
 @part
@@ -254,7 +317,7 @@ def _keep_visible(start, scratch, past_caches, records, depth_keys, tiles):
                 record += _seen(scratch, np.uint64(first + lane))
         for lane in range(8):
             k = np.uint64(first + lane)
-            depth_keys[kept] = _word(scratch, DEPTH, k) >> np.uint64(DEPTH_BITS_IGNORED)
+            depth_keys[kept] = _word(scratch, DEPTH, k)
             tiles[kept] = _word(scratch, FIRST_TILE, k) | _word(scratch, LAST_TILE, k) << np.uint64(32)
             kept += _seen(scratch, k)
     return np.int32(kept - np.uint64(start))

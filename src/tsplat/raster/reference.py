@@ -15,7 +15,6 @@ import numpy.typing as npt
 from tsplat.camera import Camera
 from tsplat.rendering import (
     ALPHA_MAX,
-    DEPTH_BITS_IGNORED,
     FAR_PLANE,
     JACOBIAN_LIMIT,
     TRANSMITTANCE_MIN,
@@ -178,8 +177,7 @@ def sh_basis(directions: F64) -> F64:
 def sort(depths: F64, options: RenderOptions) -> Index:
     """Return the indices of the splats between the planes, nearest first, equal depths in file order."""
     kept = np.flatnonzero((depths > options.near_plane) & (depths < options.far_plane))
-    keys = depths[kept].astype(np.float32).view(np.uint32) >> DEPTH_BITS_IGNORED
-    return kept[np.argsort(keys, kind="stable")]
+    return kept[np.argsort(depths[kept], kind="stable")]
 
 
 def composite(

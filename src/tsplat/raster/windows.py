@@ -14,7 +14,6 @@ import numpy.typing as npt
 from tsplat._jit import kernel
 from tsplat.memory import free_memory
 from tsplat.raster.buffers import Buffers
-from tsplat.raster.cells import TILE
 from tsplat.raster.frame import PAIR_BYTES, SPLAT_BYTES, Window
 from tsplat.raster.prepare import BLOCK
 from tsplat.raster.sight import in_sight
