@@ -281,7 +281,11 @@ def test_a_plane_in_a_folder_below_is_inside(tmp_path: Path, rng: np.random.Gene
         (b"[1, 2]", "'meta.json' holds a JSON list, expected an object"),
         (b'{"a":' + b"[" * 100_000, "is not JSON"),
         (b"\xff\xfe\x00", "is not JSON"),
-        (b'{"a": ' + b"1" * 5000 + b"}", "is not JSON"),
+        (b'{"count": ' + b"1" * 5000 + b"}", "field means is missing"),
+        (
+            b'{"version": ' + b"1" * 5000 + b', "means": {}, "scales": {}, "sh0": {}}',
+            "field version is inf, expected",
+        ),
         (b" " * (1 << 18) + b"{}", "holds more than 262144 bytes"),
         (b"{}", "field means is missing"),
     ],

@@ -16,6 +16,9 @@ from tsplat.camera import Camera
 from tsplat.errors import CameraError, CorruptFileError
 from tsplat.io.camera_json import read_json
 
+MOST_CHARS = 200
+"""Of what is wrong with a camera: its numbers may have hundreds of digits."""
+
 
 @dataclass(frozen=True, slots=True)
 class TrainingCamera:
@@ -59,12 +62,13 @@ def _camera(path: Path, index: int, entry: Any) -> TrainingCamera:
         viewmat = np.eye(4)
         viewmat[:3, :3], viewmat[:3, 3] = rotation.T, -rotation.T @ position
         K = np.array([[entry["fx"], 0.0, width / 2], [0.0, entry["fy"], height / 2], [0.0, 0.0, 1.0]], np.float64)
-        return TrainingCamera(str(entry.get("img_name", index)), Camera(viewmat, K, width, height))
+        name = entry.get("img_name")
+        return TrainingCamera(name if isinstance(name, str) else str(index), Camera(viewmat, K, width, height))
     except KeyError as error:
         problem = f"camera {index}: field {error} is missing; export it again"
         raise CorruptFileError(path, problem) from error
     except CameraError as error:
-        raise CorruptFileError(path, f"camera {index}: {error}") from error
+        raise CorruptFileError(path, f"camera {index}: {str(error)[:MOST_CHARS]}; export it again") from error
     except (TypeError, ValueError, AttributeError, OverflowError) as error:
         expected = "rotation 3x3, position 3, width, height, fx and fy as numbers"
         raise CorruptFileError(path, f"camera {index}: expected {expected}; export it again") from error

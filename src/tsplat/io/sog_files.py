@@ -12,7 +12,7 @@ from pathlib import Path, PurePosixPath
 from types import TracebackType
 from typing import BinaryIO, Protocol, Self
 
-from tsplat.errors import CorruptFileError
+from tsplat.errors import CorruptFileError, shown
 
 ZIP_MAGICS = (b"PK\x03\x04", b"PK\x05\x06")
 """A zip that holds files, and an empty one."""
@@ -114,7 +114,7 @@ class Archive:
     def corrupt(self, name: str, problem: str) -> CorruptFileError:
         entry = self._zip.NameToInfo.get(name)
         offset = entry.header_offset if entry else None
-        return CorruptFileError(self.path, f"{ascii(name)[:NAME_CHARS]} {problem}; fetch it again", offset)
+        return CorruptFileError(self.path, f"{shown(name, NAME_CHARS)} {problem}; fetch it again", offset)
 
     def _find(self, name: str) -> zipfile.ZipInfo:
         entry = self._zip.NameToInfo.get(name)
