@@ -29,6 +29,7 @@ with atheris.instrument_imports(include=["tsplat.io", "PIL"]):
     from tests.io.sogs import zipped
     from tsplat.io.on_disk import look
     from tsplat.io.sog_levels import open_levels
+    from tsplat.io.sources import legible
 
 TARGETS = {
     "ply": ("PLY", "PLY behind faces", "PLY, big-endian", "PLY, ASCII"),
@@ -66,7 +67,8 @@ def _look_at_levels(path: Path) -> None:
 
     def read() -> None:
         look(path)
-        levels = open_levels(path)
+        with legible(path):
+            levels = open_levels(path)
         for number in range(len(levels.counts)):
             levels.read(number, warn=True)
 

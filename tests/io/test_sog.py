@@ -62,6 +62,12 @@ def test_a_folder_is_read_by_the_path_of_its_meta_json(
     check_like_slow_reader(io.load(path), scene)
 
 
+def test_a_zip_that_lost_bytes_names_what_begins_before_it(tmp_path: Path, rng: np.random.Generator) -> None:
+    raw = made_up(rng).zipped()
+    with pytest.raises(CorruptFileError, match="begins at byte -10 by the zip's directory, expected 0 or more"):
+        load_bytes(tmp_path, raw[:4] + raw[14:])
+
+
 def test_a_palette_without_count_and_bands_is_measured(tmp_path: Path, rng: np.random.Generator) -> None:
     scene = made_up(rng, bands=2)
     del scene.meta["shN"]["count"], scene.meta["shN"]["bands"]

@@ -25,6 +25,9 @@ MAGIC = b"glTF"
 HEADER = struct.Struct("<4sII")
 CHUNK = struct.Struct("<I4s")
 
+HEAD_BYTES = 64
+"""Of a file, looked at before all of it is read."""
+
 SIZE_MAX = 1 << 53
 """Larger numbers are not exact in the JSON of other programs."""
 
@@ -168,7 +171,12 @@ def open_document(path: Path) -> Document:
         It is of another version.
     """
     with path.open("rb") as file:
-        text, chunk = _read_glb(path, file) if file.read(len(MAGIC)) == MAGIC else (path.read_bytes(), None)
+        head = file.read(HEAD_BYTES)
+        begin = head.removeprefix(b"\xef\xbb\xbf").lstrip()
+        if begin and not begin.startswith((MAGIC, b"{")):
+            problem = f"begins with {head[:12]!r}, expected {MAGIC!r} or a JSON object; fetch it again"
+            raise CorruptFileError(path, problem, 0)
+        text, chunk = _read_glb(path, file) if head.startswith(MAGIC) else (path.read_bytes(), None)
     embedded: list[bytes] = []
 
     def cut_out(found: re.Match[bytes]) -> bytes:

@@ -120,6 +120,10 @@ class Archive:
         entry = self._zip.NameToInfo.get(name)
         if entry is None:
             raise self.corrupt(name, "is missing from the zip, expected a file of the scene")
+        if entry.header_offset < 0:
+            raise self.corrupt(
+                name, f"begins at byte {entry.header_offset} by the zip's directory, expected 0 or more"
+            )
         if entry.flag_bits & 1 or entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             raise self.corrupt(name, "is encrypted or packed in a rare way, expected stored or deflated")
         return entry
