@@ -96,7 +96,7 @@ class LoadWarning(UserWarning):
     """Something in a file was dropped or mended while loading it; the text says what and how many."""
 
     def __init__(self, text: str) -> None:
-        super().__init__(_called(text))
+        super().__init__(printable(_called(text)))
 
 
 class TsplatError(Exception):

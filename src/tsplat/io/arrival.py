@@ -19,7 +19,7 @@ from tsplat.io.spz_header import GZIP_MAGIC
 UNMARKED = ".splat", ".ksplat"
 """Suffixes of formats that begin with any bytes."""
 
-OTHER_MAGICS = (GZIP_MAGIC, *ZIP_MAGICS, b"RIFF")
+OTHER_MAGICS = (GZIP_MAGIC, *ZIP_MAGICS, b"RIFF", b"\x89PNG")
 """What the files of a scene may begin with beside the scene itself."""
 
 SPARE_BYTES, SPARE_SHARE = 1 << 28, 0.02

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from tsplat import given
 from tsplat.camera import Camera
 from tsplat.errors import CameraError, CorruptFileError
 from tsplat.io.camera_json import read_json
@@ -48,7 +49,7 @@ def load_cameras(path: str | Path) -> list[TrainingCamera]:
     CorruptFileError
         It is no JSON list of cameras; the text names the entry and the field.
     """
-    path = Path(path)
+    path = given.path(path)
     entries = read_json(path, list)
     with np.errstate(over="ignore", invalid="ignore"):  # what that makes is no rotation, and refused
         return [_camera(path, index, entry) for index, entry in enumerate(entries)]

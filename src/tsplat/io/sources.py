@@ -14,6 +14,7 @@ from tempfile import TemporaryDirectory, gettempdir
 from typing import BinaryIO
 from urllib.parse import unquote
 
+from tsplat import given
 from tsplat.errors import LoadError, calling
 from tsplat.io.arrival import keep_room, may_be_scene
 from tsplat.io.formats import HEAD_BYTES
@@ -82,6 +83,7 @@ def local_file(
     LoadError
         It cannot be got or read; `CorruptFileError` where it is packed and broken.
     """
+    source = source if is_elsewhere(source) else given.path(source)
     with legible(source):
         if not is_elsewhere(source) and not is_packed(Path(source)):
             yield Path(source), progress

@@ -17,6 +17,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
+from tsplat import given
 from tsplat.errors import CorruptFileError, LoadError, LoadWarning
 from tsplat.io.cameras import load_cameras
 from tsplat.io.sources import is_elsewhere
@@ -80,7 +81,7 @@ def training_beside(scene_path: str | Path) -> Training:
     """
     if is_elsewhere(scene_path):
         return Training()
-    path = _nearest_list(Path(scene_path))
+    path = _nearest_list(given.path(scene_path))
     if path is None:
         return Training()
     try:
