@@ -236,6 +236,11 @@ FAULTS: dict[str, tuple[str, Any, str]] = {
         "camera 0: focal lengths must be positive",
     ),
     "values without end": ("cameras.json", "[" + "{}," * 3_000_000 + "{}]", "holds more than 2097152 values"),
+    "frames without end": (
+        "transforms.json",
+        lens(frames=[{}] * 100_001),
+        "lists 100001 frames",
+    ),
     "second frame": ("transforms.json", lens(frames=[{}, {"w": -1}]), "frame 1: w must be a number above 0"),
 }
 
@@ -309,6 +314,15 @@ def test_what_holds_for_all_frames_is_not_copied_for_each(tmp_path: Path) -> Non
     start = time.process_time()
     assert focal(tmp_path) == 500.0
     assert time.process_time() - start < 20.0  # copied, they would take hours
+
+
+def test_of_many_cameras_some_tell_enough(tmp_path: Path) -> None:
+    path = write(tmp_path, "cameras.json", [entry(fx=100.0 + index % 7) for index in range(4500)])
+    assert 2000 <= len(load_cameras(path, 2000)) < 2500
+    assert len(load_cameras(path, 1000)) == 1125
+    start = time.process_time()
+    assert focal(tmp_path) == 103.0
+    assert time.process_time() - start < 5.0
 
 
 def test_no_frames_are_no_focal_length(tmp_path: Path) -> None:

@@ -29,13 +29,15 @@ class TrainingCamera:
     camera: Camera
 
 
-def load_cameras(path: str | Path) -> list[TrainingCamera]:
+def load_cameras(path: str | Path, most: int | None = None) -> list[TrainingCamera]:
     """Read a ``cameras.json``.
 
     Parameters
     ----------
     path : str or Path
         The file.
+    most : int, optional
+        Of more cameras, about so many spread evenly over the list; by default all.
 
     Returns
     -------
@@ -51,8 +53,9 @@ def load_cameras(path: str | Path) -> list[TrainingCamera]:
     """
     path = given.path(path)
     entries = read_json(path, list)
+    step = 1 if most is None else max(1, len(entries) // given.whole("most", most, 1))
     with np.errstate(over="ignore", invalid="ignore"):  # what that makes is no rotation, and refused
-        return [_camera(path, index, entry) for index, entry in enumerate(entries)]
+        return [_camera(path, index, entries[index]) for index in range(0, len(entries), step)]
 
 
 def _camera(path: Path, index: int, entry: Any) -> TrainingCamera:

@@ -33,6 +33,9 @@ WIDEST = 1600.0
 DIVISORS = 1, 2, 4, 8
 """What ``--resolution`` divides by; other numbers are widths in pixels, those below 0 mean `WIDEST`."""
 
+CAMERAS = 2000
+"""Looked at of a ``cameras.json``: enough for a median and for what was in view, in tenths of a second."""
+
 FOCALS = 0.1, 1e7
 """Pixels; no lens has a focal length outside of these, whatever a list says."""
 
@@ -124,7 +127,7 @@ def _of_cameras(path: Path) -> Listed:
     folder = re.search(r"\bimages='([^']*)'", arguments)
     resolution = re.search(r"\bresolution=(-?\d{1,6})\b", arguments)
     divisor = _divisor(folder[1] if folder else _only_images(path.parent))
-    cameras = [each.camera for each in load_cameras(path)]
+    cameras = [each.camera for each in load_cameras(path, CAMERAS)]
     sizes = [(each.K[0, 0].item(), each.width / divisor) for each in cameras]
     asked = int(resolution[1]) if resolution else -1
     focals = [focal / divisor * _trained_width(width, asked) / width for focal, width in sizes]

@@ -26,6 +26,9 @@ FIELDS = "w", "h", "fl_x", "camera_angle_x", "camera_model"
 PANORAMAS = "EQUIRECT", "PANO", "SPHERIC", "OMNI", "VR180", "CUBEMAP"
 """Parts of the names of models that see all around: their pictures have no focal length."""
 
+FRAMES_MAX = 100_000
+"""No scene is trained from more photographs."""
+
 LARGEST = 1e9
 """Pixels; whatever is more is no size and no focal length."""
 
@@ -69,6 +72,8 @@ def load_lenses(path: Path) -> list[Lens]:
     frames = document.get("frames")
     if not isinstance(frames, list) or not all(isinstance(frame, dict) for frame in frames):
         raise CorruptFileError(path, "field 'frames' is no list of objects; export it again")
+    if len(frames) > FRAMES_MAX:
+        raise CorruptFileError(path, f"lists {len(frames)} frames, expected at most {FRAMES_MAX}; export it again")
     # Only what is of use: a file may say much for all frames, and have many.
     listed = [{name: frame.get(name, document.get(name)) for name in FIELDS} for frame in frames]
     if any(fields["w"] is None and not _is_panorama(fields) for fields in listed):
