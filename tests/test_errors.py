@@ -7,7 +7,7 @@ import pickle
 import numpy as np
 import pytest
 
-from tsplat.errors import CorruptFileError, LoadError, shown
+from tsplat.errors import CorruptFileError, LoadError, LoadWarning, shown
 
 
 def test_a_load_error_names_the_file_the_byte_and_the_problem() -> None:
@@ -59,3 +59,7 @@ for _ in range(100_000):
 )
 def test_a_value_is_shown_short_and_no_more_of_it_is_looked_at(value: object, expected: str) -> None:
     assert shown(value) == expected
+
+
+def test_a_warning_is_one_line_whatever_a_file_is_called() -> None:
+    assert str(LoadWarning("a\x1b[2J\n.ply: dropped 1")) == r"a\x1b[2J\n.ply: dropped 1"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
@@ -148,6 +149,14 @@ def test_what_is_wrong_is_one_short_line_of_ours(call: Call, values: Values) -> 
         line = str(caught.value)
         assert line.isprintable(), value
         assert len(line) < 300, value
+
+
+@pytest.mark.parametrize("name", [name for name in PATHS if name not in ("save", "training_beside")])
+def test_what_is_no_file_is_not_waited_for(tmp_path: Path, name: str) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for place in (tmp_path / "pipe", tmp_path, Path("/dev/zero"), tmp_path / "none", tmp_path / ("x" * 5000)):
+        with pytest.raises(TsplatError):
+            PATHS[name](place)
 
 
 def test_a_line_says_what_was_given() -> None:

@@ -21,10 +21,10 @@ def read_json(path: Path, kind: type[Kind]) -> Kind:
         It cannot be read; `CorruptFileError` where it is no JSON, or holds something else.
     """
     called = "a list of cameras" if kind is list else "an object with cameras"
-    # Pipes and devices would keep a reader waiting.
-    if path.exists() and not path.is_file():
-        raise LoadError(path, f"is a folder or a device, expected a file with {called}; choose another")
     try:
+        # Pipes and devices would keep a reader waiting.
+        if path.exists() and not path.is_file():
+            raise LoadError(path, f"is a folder or a device, expected a file with {called}; choose another")
         with path.open("rb") as file:
             # As much as is asked for would be allocated at once.
             text = file.read(min(MAX_BYTES, os.fstat(file.fileno()).st_size) + 1)

@@ -97,6 +97,9 @@ def open_stored(path: str | Path) -> Stored:
     """
     path = given.path(path)
     try:
+        # Pipes and devices would keep a reader waiting.
+        if path.exists() and not path.is_file():
+            raise LoadError(path, "is a folder or a device, expected a .tsplat; give the path of one")
         mapped = open_mapped(path)
     except OSError as error:
         raise LoadError(path, f"cannot be read: {error.strerror or error}; check the path") from error
