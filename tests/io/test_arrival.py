@@ -42,7 +42,8 @@ def test_what_is_cut_off_is_refused_whatever_follows(tmp_path: Path, suffix: str
 def test_a_disk_is_not_filled_to_the_last_byte(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     usage = namedtuple("usage", "total used free")
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage(10_000, 9_000, 1_000))
-    keep_room(tmp_path / "x", 800)
+    keep_room(tmp_path / "x", 5_000, 800)
+    keep_room(tmp_path / "x", 150, 850)
     with pytest.raises(OSError, match="No space left") as caught:
-        keep_room(tmp_path / "x", 801)
+        keep_room(tmp_path / "x", 5_000, 801)
     assert caught.value.errno == errno.ENOSPC

@@ -17,7 +17,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 from urllib.parse import quote
 
@@ -270,9 +270,7 @@ def test_what_never_ends_and_is_no_scene_is_given_up_soon(
 def test_what_never_ends_leaves_room_on_the_disk(
     server: Server, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    free = shutil.disk_usage(tempfile.gettempdir()).free
-    monkeypatch.setattr(arrival, "SPARE_BYTES", free - (1 << 20))
-    monkeypatch.setattr(arrival, "SPARE_SHARE", 1e9)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(total=1 << 40, free=1 << 20))
     server.files = {"scene.splat": bytes(1 << 16)}
     assert "finds no room in " in failure(capsys, server.url("forever", "scene.splat"))
 

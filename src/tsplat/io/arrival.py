@@ -23,7 +23,7 @@ OTHER_MAGICS = (GZIP_MAGIC, *ZIP_MAGICS, b"RIFF", b"\x89PNG")
 """What the files of a scene may begin with beside the scene itself."""
 
 SPARE_BYTES, SPARE_SHARE = 1 << 28, 0.02
-"""Of the disk, what is left for others: the smaller of both."""
+"""Of the disk, what is left for others: the smaller of both, and no more than what came already."""
 
 SLOW_SECONDS, SLOW_BYTES = 60.0, 1 << 14
 """A server that sends less in this time is given up: no link is so slow."""
@@ -35,10 +35,10 @@ def may_be_scene(head: bytes, name: str) -> bool:
     return known or any(each.matches(head) for each in FORMATS)
 
 
-def keep_room(place: Path, more: int = 0) -> None:
-    """Raise the error of a full disk before it is full, or would be with so many bytes more."""
+def keep_room(place: Path, done: int, more: int = 0) -> None:
+    """Raise the error of a full disk before it is full, or would be when ``more`` bytes follow those that came."""
     usage = shutil.disk_usage(place.parent)
-    if usage.free < more + min(SPARE_BYTES, int(SPARE_SHARE * usage.total)):
+    if usage.free < more + min(SPARE_BYTES, int(SPARE_SHARE * usage.total), done):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
@@ -72,7 +72,7 @@ class Watch:
             problem = f"comes too slowly, less than {SLOW_BYTES} bytes in {SLOW_SECONDS:.0f} s; try again"
             raise LoadError(self._place, problem)
         if done:
-            keep_room(self._place, max(0, (size or 0) - done))
+            keep_room(self._place, done, max(0, (size or 0) - done))
         return self._known or done < HEAD_BYTES or self._is_known()
 
     def _is_known(self) -> bool:

@@ -135,7 +135,7 @@ def _copy(file: BinaryIO, place: Path, progress: Progress, fetched: Fetched) -> 
     size, done = os.fstat(file.fileno()).st_size, 0
     with place.open("xb") as copy:
         while piece := file.read(PIECE_BYTES):
-            keep_room(place)
+            keep_room(place, done)
             copy.write(piece)
             if not done and len(piece) == PIECE_BYTES and not may_be_scene(piece[:HEAD_BYTES], place.name):
                 return  # the rest may have no end

@@ -58,7 +58,7 @@ def unpack(packed: Path, place: Path, progress: Callable[[float], None]) -> None
                 raise CorruptFileError(packed, f"does not unpack: {error}; fetch it again", raw.tell()) from error
             if not piece:
                 return
-            keep_room(place)
+            keep_room(place, done)
             if not done and len(piece) == PIECE_BYTES and not may_be_scene(piece[:HEAD_BYTES], name):
                 file.write(piece)
                 return  # the rest may be there to fill a disk
