@@ -58,6 +58,6 @@ def crop_sphere(gaussians: Gaussians, center: Sequence[float], radius: float) ->
     OptionError
         The center is no point, or the radius negative.
     """
-    radius = real("radius", radius, "0 or more", 0.0)
+    radius = real("the radius of a sphere", radius, "0 or more", 0.0)
     distances = np.linalg.norm(a_scene(gaussians).means - triple("center", center), axis=1)
     return gaussians.take(np.flatnonzero(distances <= radius))

@@ -64,9 +64,9 @@ def scale(gaussians: Gaussians, factor: float) -> Gaussians:
     OptionError
         The factor is not above 0.
     """
-    factor = real("factor", factor, "finite and above 0", math.ulp(0.0))
+    factor = real("the factor of a scale", factor, "finite and above 0", math.ulp(0.0))
     if factor == math.inf:
-        raise OptionError("factor must be finite and above 0, got inf")
+        raise OptionError("the factor of a scale must be finite and above 0, got inf")
     means, scales = (
         _in_float32(array.astype(np.float64) * factor) for array in (a_scene(gaussians).means, gaussians.scales)
     )
