@@ -45,7 +45,7 @@ class Fit(NamedTuple):
 
     def in_world(self, merged: Gaussians) -> Gaussians:
         """Return what was made of the scene in world units."""
-        return _in_units(merged, 1.0 / self.unit)
+        return merged if self.unit == 1.0 else _in_units(merged, 1.0 / self.unit)
 
 
 def fit(gaussians: Gaussians) -> Fit:
