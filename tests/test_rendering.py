@@ -29,6 +29,7 @@ from tsplat.train_views import TrainViews
         {"background": (0, 0, float("nan"))},
         {"threads": -1},
         {"train_focal": 0.0},
+        {"train_focal": 1e-200},
         {"near_plane": 0.0},
         {"near_plane": 2.0, "far_plane": 1.0},
         {"eps2d": -0.1},

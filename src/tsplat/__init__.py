@@ -11,9 +11,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from tsplat.camera import Camera
-from tsplat.errors import OptionError, TsplatError
+from tsplat.errors import TsplatError
+from tsplat.given import whole
 from tsplat.rendering import Rendering, RenderOptions, own_antialias
-from tsplat.scene import Gaussians
+from tsplat.scene import Gaussians, a_scene
 
 if TYPE_CHECKING:
     from tsplat.io import load
@@ -51,6 +52,8 @@ def render(scene: Gaussians | Stored, camera: Camera, *, lod: bool | int = False
     OptionError
         An option is out of its range.
     """
+    if not hasattr(scene, "antialiased"):
+        a_scene(scene)
     options.setdefault("antialias", own_antialias(scene.antialiased, "classic"))
     chosen = RenderOptions(**options)
     if lod is False:
@@ -60,9 +63,8 @@ def render(scene: Gaussians | Stored, camera: Camera, *, lod: bool | int = False
     # Levels of detail are most kernels there are; `import tsplat` does not wait for them.
     from tsplat.lod import default_budget, rasterize_within
 
-    if lod < 1:
-        raise OptionError(f"lod must be True, False, or 1 or more splats, got {lod}")
-    return rasterize_within(scene, camera, chosen, default_budget(camera) if lod is True else lod)
+    budget = default_budget(camera) if lod is True else whole("lod", lod, 1)
+    return rasterize_within(scene, camera, chosen, budget)
 
 
 def __getattr__(name: str) -> Any:

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from itertools import islice
 from pathlib import Path
 
 _NAMES: dict[str, str] = {}
@@ -50,11 +51,52 @@ def printable(name: str) -> str:
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in name)
 
 
+SHOWN_CHARS = 60
+"""Of a value in a message; a stranger's may fill a screen, or memory."""
+
+
+def shown(value: object, most: int = SHOWN_CHARS) -> str:
+    """Return a value of a stranger, or a caller, for a message: one printable line of at most ``most`` characters.
+
+    No more of it is looked at than that, so it may be as large and as deep as it likes.
+    """
+    text = _shown(value, most)
+    if len(text) <= most and not (isinstance(value, (str, bytes)) and len(value) > most):
+        return text
+    return f"{text[: most - 4]}...{text[-1]}"  # closed as it was opened
+
+
+def _shown(value: object, most: int) -> str:
+    match value:
+        case str() | bytes():
+            return ascii(value[:most])
+        case dict():
+            pairs = islice(value.items(), most)
+            return f"{{{', '.join(f'{_inside(key, most)}: {_inside(each, most)}' for key, each in pairs)}}}"
+        case list():
+            return f"[{', '.join(_inside(each, most) for each in islice(value, most))}]"
+        case tuple():
+            return f"({', '.join(_inside(each, most) for each in islice(value, most))})"
+        case int() if value.bit_length() > 4 * most:
+            return f"<int of {value.bit_length()} bits>"
+        case None | int() | float() | complex():
+            return ascii(value)
+    shape = getattr(value, "shape", None)
+    if shape == ():  # a number of NumPy's
+        return ascii(str(value)[:most])[1:-1]
+    return f"<{type(value).__name__}{'' if shape is None else f' of shape {shape}'}>"
+
+
+def _inside(value: object, most: int) -> str:
+    """Return the same of what is in a list, without what is in that."""
+    return f"<{type(value).__name__}>" if isinstance(value, (list, tuple, dict)) and value else _shown(value, most)
+
+
 class LoadWarning(UserWarning):
     """Something in a file was dropped or mended while loading it; the text says what and how many."""
 
     def __init__(self, text: str) -> None:
-        super().__init__(_called(text))
+        super().__init__(printable(_called(text)))
 
 
 class TsplatError(Exception):

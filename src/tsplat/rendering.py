@@ -123,7 +123,7 @@ class RenderOptions:
         object.__setattr__(self, "background", background)
         _expect(0 <= self.threads <= 1024, "threads", self.threads, "0 (all) to 1024")
         _expect(self.memory >= 0, "memory", self.memory, "bytes, 0 (half of what is free) or more")
-        _expect(0.0 < self.train_focal < math.inf, "train_focal", self.train_focal, "pixels above 0")
+        _expect(1e-3 <= self.train_focal <= 1e9, "train_focal", self.train_focal, "0.001 to 1e9 pixels")
         planes = 0.0 < self.near_plane < self.far_plane <= FAR_PLANE
         _expect(planes, "near_plane and far_plane", (self.near_plane, self.far_plane), "0 < near < far <= 1e10")
         _expect(0.0 <= self.eps2d < 100.0, "eps2d", self.eps2d, "0 to 100 pixels squared")

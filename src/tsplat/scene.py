@@ -14,7 +14,7 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from tsplat.errors import SceneError
+from tsplat.errors import SceneError, shown
 
 F32 = npt.NDArray[np.float32]
 
@@ -81,7 +81,10 @@ class Gaussians:
 
     def _own_shaped(self) -> None:
         for name in ARRAYS:
-            object.__setattr__(self, name, _own(getattr(self, name)))
+            object.__setattr__(self, name, _own(name, getattr(self, name)))
+        if not isinstance(self.antialiased, (bool, np.bool_)):
+            raise SceneError(f"antialiased must be True or False, got {shown(self.antialiased)}")
+        object.__setattr__(self, "antialiased", bool(self.antialiased))
         n = len(self.means) if self.means.ndim else 0
         _check_shape("means", self.means, (n, 3))
         _check_shape("quats", self.quats, (n, 4))
@@ -119,14 +122,42 @@ class Gaussians:
 
     def take(self, source_from_kept: npt.NDArray[np.integer] | Sequence[int]) -> Gaussians:
         """Return the chosen Gaussians, in the order of the indices."""
-        chosen = np.asarray(source_from_kept, np.intp)
+        chosen = _indices(source_from_kept, len(self))
         means, quats, scales, opacities, sh = (array[chosen] for array in self.arrays)
         return Gaussians(means, quats, scales, opacities, sh, self.antialiased)
 
 
-def _own(array: npt.ArrayLike) -> F32:
+def a_scene(value: object) -> Gaussians:
+    """Return a scene that a caller handed over, or raise a `SceneError` that says what it is instead."""
+    if not isinstance(value, Gaussians):
+        raise SceneError(f"a scene must be Gaussians, as tsplat.load returns them, got {shown(value)}")
+    return value
+
+
+def _indices(values: npt.NDArray[np.integer] | Sequence[int], count: int) -> npt.NDArray[np.intp]:
+    try:
+        indices = np.asarray(values)
+    except (ValueError, TypeError):
+        indices = np.empty((0, 0))
+    if indices.ndim != 1 or (indices.size and indices.dtype.kind not in "iu"):
+        raise SceneError(
+            f"indices must be a list of whole numbers; numpy.flatnonzero makes them of a mask; got {shown(values)}"
+        )
+    if indices.size and not (indices.min() >= -count and indices.max() < count):
+        raise SceneError(f"indices must be less than {count}, got {indices.min()} to {indices.max()}")
+    return indices.astype(np.intp)
+
+
+def _own(name: str, array: npt.ArrayLike) -> F32:
+    try:
+        given = np.asarray(array)
+    except (ValueError, TypeError):
+        given = np.empty(0, np.object_)
+    if given.dtype.kind not in "iufb":
+        raise SceneError(f"{name} must be an array of numbers, got {shown(array)}")
     # Kernels are compiled for each new dtype and layout; here they become one.
-    owned = np.ascontiguousarray(array, np.float32)
+    with np.errstate(over="ignore"):  # what is beyond float32 is infinite, and refused
+        owned = np.ascontiguousarray(given, np.float32)
     if owned.flags.writeable:
         owned = owned.view()
         owned.flags.writeable = False

@@ -14,17 +14,22 @@ import sys
 import tempfile
 import zipfile
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 from random import Random
 
 import atheris
 
-with atheris.instrument_imports(include=["tsplat.io"]):
+with atheris.instrument_imports(include=["tsplat.io", "PIL"]):
     from tests.io.containers import BROKEN
     from tests.io.honest_files import HONEST, Files, written
     from tests.io.mutants import mutant
-    from tests.io.outcomes import OPTIONS, limited_growth, outcome, within_memory
+    from tests.io.outcomes import OPTIONS, limited_growth, outcome, read_or_refused, within_memory
+    from tests.io.side_files import SIDE, looked_at
     from tests.io.sogs import zipped
+    from tsplat.io.on_disk import look
+    from tsplat.io.sog_levels import open_levels
+    from tsplat.io.sources import legible
 
 TARGETS = {
     "ply": ("PLY", "PLY behind faces", "PLY, big-endian", "PLY, ASCII"),
@@ -35,10 +40,16 @@ TARGETS = {
     "spz": ("SPZ 1", "SPZ 2", "SPZ 3", "SPZ without gzip", "SPZ 4", "SPZ 4 of degree 0"),
     "glb": ("GLB", "GLB of SPZ"),
     "gltf": ("glTF",),
+    "gltf-folder": ("glTF in a folder",),
     "npz": ("NumPy", "NumPy, deflated"),
     "sog": ("SOG", "SOG, deflated", "SOG 1"),
     "sog-folder": ("SOG in a folder", "SOG 1 in a folder"),
     "sog-streamed": ("SOG, streamed",),
+    "sog-levels": ("SOG, streamed",),
+    "cameras": ("cameras.json",),
+    "transforms-png": ("transforms.json",),
+    "transforms-jpeg": ("transforms.json of JPEG",),
+    "transforms-webp": ("transforms.json of WebP",),
 }
 """Which honest files each target begins with; they lie in one kind of place, a file of one name or a folder."""
 
@@ -51,9 +62,29 @@ TRACED = 8
 """Of so many inputs the memory of one is measured: that takes three times as long."""
 
 
+def _look_at_levels(path: Path) -> None:
+    """Read a streamed scene as it is drawn, file by file, and what it takes on disk."""
+
+    def read() -> None:
+        look(path)
+        with legible(path):
+            levels = open_levels(path)
+        for number in range(len(levels.counts)):
+            levels.read(number, warn=True)
+
+    read_or_refused(path, read)
+
+
+OTHERWISE: dict[str, Callable[[Path], object]] = {
+    "sog-levels": _look_at_levels,
+    **{name: looked_at for name in TARGETS if name.startswith(("cameras", "transforms"))},
+}
+"""What looks at the files of targets that are not loaded as a scene."""
+
+
 def main() -> None:
     name, *arguments = sys.argv[1:]
-    seeds = [HONEST[kind] for kind in TARGETS[name]]
+    seeds = [{**HONEST, **SIDE}[kind] for kind in TARGETS[name]]
     inputs = [_packed(files) for files in seeds]
     corpora = [Path(word) for word in arguments if not word.startswith("-") and not Path(word).is_file()]
     for raw in inputs if corpora else []:
@@ -66,7 +97,9 @@ def main() -> None:
         files = _unpacked(raw, seeds[0])
         if files is not None:
             path, options = written(folder, files), OPTIONS[sum(raw) % len(OPTIONS)]
-            if zlib.crc32(raw) % TRACED:
+            if name in OTHERWISE:
+                OTHERWISE[name](path)
+            elif zlib.crc32(raw) % TRACED:
                 outcome(path, **options)
             else:
                 within_memory(path, 16 * len(raw), **options)

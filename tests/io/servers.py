@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import threading
+from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from types import TracebackType
 from typing import Any, Self
@@ -22,7 +23,9 @@ class Server:
     """Serves ``files``; the first folder of an address says how.
 
     ``plain``; ``endless``, without Content-Length; ``cut``, half of it; ``hanging``, half of it and then silence;
-    ``packed``, announced as gzip; ``302``, on to the address in the file; any other number, an error.
+    ``packed``, announced as gzip; ``forever``, again and again; ``drip``, a byte at a time; ``boast``, with a
+    Content-Length of a petabyte; ``302``, on to the address in the file; any other number, an error; ``scold``, an
+    error whose reason is the file.
 
     Attributes
     ----------
@@ -69,21 +72,34 @@ class Server:
         how, _, path = request.path.partition("?")[0].removeprefix("/").partition("/")
         self.asked.append(path)
         content = self.files.get(path)
-        request.send_response(404 if content is None else int(how) if how.isdigit() else 200)
+        reason = (content or b"").decode("latin-1") if how == "scold" else None
+        status = 404 if content is None else int(how) if how.isdigit() else 500 if reason else 200
+        request.send_response(status, reason)
         content = content or b""
         if how == "302":
             request.send_header("Location", content.decode())
             content = b""
         if how == "packed":
             request.send_header("Content-Encoding", "gzip")
-        if how == "endless":
+        if how in ("endless", "forever", "drip"):
             request.send_header("Connection", "close")
         else:
-            request.send_header("Content-Length", str(len(content)))
+            request.send_header("Content-Length", str(10**15 if how == "boast" else len(content)))
         request.end_headers()
-        request.wfile.write(content[: len(content) // 2] if how in ("cut", "hanging") else content)
-        request.wfile.flush()
-        if how == "hanging":
+        for part in self._parts(how, content):
+            request.wfile.write(part)
+            request.wfile.flush()
+        request.close_connection = how in ("endless", "cut", "hanging", "forever", "drip", "boast")
+
+    def _parts(self, how: str, content: bytes) -> Iterator[bytes]:
+        if how != "drip":
+            yield content[: len(content) // 2] if how in ("cut", "hanging") else content
+        if how in ("hanging", "boast"):
             self.silent.set()
             self._over.wait()
-        request.close_connection = how in ("endless", "cut", "hanging")
+        while how == "forever" and not self._over.is_set():
+            yield content
+        for byte in content if how == "drip" else b"":
+            if self._over.wait(0.01):
+                return
+            yield bytes([byte])

@@ -93,7 +93,10 @@ def drop(*path: str | int) -> Change:
 
 LIES: list[tuple[Change, str]] = [
     (put(1 << 50, "accessors", 0, "count"), r"accessors\[0\] needs \d+ bytes for 1125899906842624 rows, 24 are"),
-    (put(10**400, "accessors", 0, "count"), r"accessors\[0\]\.count is 1000.*expected a whole number"),
+    (
+        put(10**400, "accessors", 0, "count"),
+        r"accessors\[0\]\.count is <int of 1329 bits>, expected a whole number",
+    ),
     (put(-1, "accessors", 0, "count"), r"accessors\[0\]\.count is -1"),
     (put(2.0, "accessors", 0, "count"), r"accessors\[0\]\.count is 2\.0"),
     (put(1, "accessors", 1, "count"), r"accessors\[1\]\.count is 1, expected 2 as in POSITION"),
@@ -238,9 +241,9 @@ def test_nothing_outside_of_the_folder_is_opened(tmp_path: Path, uri: object) ->
             b"glTF" + struct.pack("<III4s", 2, 20, 0, b"BIN\0"),
             r"at byte 16: first chunk is b'BIN\\x00', exp",
         ),
-        (glb(b"{}", None)[:-4] + b"[[[[", "JSON does not parse"),
-        (glb(b"[" * 100_000, None), "JSON does not parse"),
-        (glb(b"\xff\xfe{}", None), "JSON does not parse"),
+        (glb(b"{}", None)[:-4] + b"[[[[", "is not JSON, expected an object of a glTF"),
+        (glb(b"[" * 100_000, None), "is not JSON, expected an object of a glTF"),
+        (glb(b"\xff\xfe{}", None), "is not JSON, expected an object of a glTF"),
         (glb(b"[]", None), "holds a JSON list, expected an object"),
         (glb(b"{}", None), "shows no KHR_gaussian_splatting, so it is no splat scene; choose another"),
         (glb(b'{"a": "data:x;base64,AAA"}', None), "at byte 21: a data URI is no base64"),

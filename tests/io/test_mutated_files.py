@@ -14,6 +14,7 @@ import pytest
 from tests.io.honest_files import HONEST, Files, written
 from tests.io.mutants import liars, mutant
 from tests.io.outcomes import OPTIONS, limited_growth, outcome, read_or_refused, within_memory
+from tests.io.side_files import SIDE, looked_at
 from tsplat import io
 
 MUTANTS, MUTANTS_OF_SOG = 100, 40
@@ -69,6 +70,19 @@ def test_a_damaged_file_is_a_scene_or_one_line_that_says_why_not(tmp_path: Path,
         else:
             outcomes.append(within_memory(path, honest.nbytes, **options) is not None)
     assert 3 < sum(outcomes) < len(outcomes) - 3, "they are neither all broken nor all harmless"
+
+
+@pytest.mark.usefixtures("bounded")
+@pytest.mark.parametrize("name", SIDE)
+def test_a_damaged_file_beside_a_scene_is_a_calm_line_at_most(tmp_path: Path, name: str) -> None:
+    files, told = SIDE[name], 0
+    for number in range(MUTANTS):
+        random = Random(f"{name} {number}")
+        chosen = random.choice(list(files))
+        damaged = {**files, chosen: mutant(random, files[chosen], list(files.values()))}
+        told += looked_at(written(tmp_path, damaged)).focal is not None
+    assert told < MUTANTS - 3
+    assert (told > 3) == (name != "panorama")
 
 
 @pytest.mark.usefixtures("bounded")

@@ -7,6 +7,7 @@ import gzip
 import json
 import os
 import pickle
+import shutil
 import signal
 import socket
 import subprocess
@@ -16,7 +17,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 from urllib.parse import quote
 
@@ -30,7 +31,7 @@ from tests.io.sogs import made_up
 from tests.scenes import random_gaussians
 from tsplat import cli, io
 from tsplat.errors import CorruptFileError, LoadError, LoadWarning, OptionError
-from tsplat.io import remote, remote_errors
+from tsplat.io import arrival, remote, remote_errors
 from tsplat.io.sog_beside import Beside
 
 PLY = ply_bytes([splats([one_splat()])])
@@ -235,6 +236,58 @@ def test_what_a_server_does_wrong_is_one_line(
     }
     url = server.url(how, path)
     assert failure(capsys, url).startswith(f"tsplat: {url}: {words}")
+
+
+@pytest.mark.parametrize(
+    ("how", "content"),
+    [
+        ("scold", b"x" * 8_000),
+        ("scold", b"x" * 100_000),
+        ("scold", b"a\x1b[2Jb\x9b"),
+        ("302", b"ftp://host/" + b"x" * 8_000),
+        ("302", b"ftp://host/" + b"x" * 100_000),
+        ("302", b"http://127.0.0.1:1/\x1b[2J" + b"x" * 4_000),
+    ],
+)
+def test_what_a_server_says_is_told_shortly(
+    server: Server, capsys: pytest.CaptureFixture[str], how: str, content: bytes
+) -> None:
+    server.files = {"scene.ply": content}
+    line = failure(capsys, server.url(how, "scene.ply"))
+    assert len(line) < 400
+    assert line.strip().isprintable()
+
+
+@pytest.mark.parametrize("content", [b"\0", b"<html> ", b"binary \xff\xfe"])
+@pytest.mark.parametrize("name", ["scene.ply", "scene", "scene.spz", "scene.json", "scene.sog", "scene.glb"])
+def test_what_never_ends_and_is_no_scene_is_given_up_soon(
+    server: Server, capsys: pytest.CaptureFixture[str], name: str, content: bytes
+) -> None:
+    server.files = {name: content * 2048}
+    assert "at byte 0: " in failure(capsys, server.url("forever", name))
+
+
+def test_what_never_ends_leaves_room_on_the_disk(
+    server: Server, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(total=1 << 40, free=1 << 20))
+    server.files = {"scene.splat": bytes(1 << 16)}
+    assert "finds no room in " in failure(capsys, server.url("forever", "scene.splat"))
+
+
+def test_a_length_beyond_all_disks_is_not_waited_for(server: Server, capsys: pytest.CaptureFixture[str]) -> None:
+    server.files = {"scene.ply": PLY}
+    assert "finds no room in " in failure(capsys, server.url("boast", "scene.ply"))
+
+
+def test_a_server_that_drips_is_given_up(
+    server: Server, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(arrival, "SLOW_SECONDS", 0.5)
+    server.files = {"scene.ply": PLY + bytes(1 << 20)}
+    assert "comes too slowly, less than 16384 bytes in 0 s; try again" in failure(
+        capsys, server.url("drip", "scene.ply")
+    )
 
 
 def free_port() -> int:

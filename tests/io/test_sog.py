@@ -62,6 +62,12 @@ def test_a_folder_is_read_by_the_path_of_its_meta_json(
     check_like_slow_reader(io.load(path), scene)
 
 
+def test_a_zip_that_lost_bytes_names_what_begins_before_it(tmp_path: Path, rng: np.random.Generator) -> None:
+    raw = made_up(rng).zipped()
+    with pytest.raises(CorruptFileError, match="begins at byte -10 by the zip's directory, expected 0 or more"):
+        load_bytes(tmp_path, raw[:4] + raw[14:])
+
+
 def test_a_palette_without_count_and_bands_is_measured(tmp_path: Path, rng: np.random.Generator) -> None:
     scene = made_up(rng, bands=2)
     del scene.meta["shN"]["count"], scene.meta["shN"]["bands"]
@@ -281,7 +287,11 @@ def test_a_plane_in_a_folder_below_is_inside(tmp_path: Path, rng: np.random.Gene
         (b"[1, 2]", "'meta.json' holds a JSON list, expected an object"),
         (b'{"a":' + b"[" * 100_000, "is not JSON"),
         (b"\xff\xfe\x00", "is not JSON"),
-        (b'{"a": ' + b"1" * 5000 + b"}", "is not JSON"),
+        (b'{"count": ' + b"1" * 5000 + b"}", "field means is missing"),
+        (
+            b'{"version": ' + b"1" * 5000 + b', "means": {}, "scales": {}, "sh0": {}}',
+            "field version is inf, expected",
+        ),
         (b" " * (1 << 18) + b"{}", "holds more than 262144 bytes"),
         (b"{}", "field means is missing"),
     ],

@@ -12,7 +12,7 @@ import sys
 import tempfile
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -69,6 +69,24 @@ def piped(content: bytes) -> Iterator[None]:
     os.close(read_end)
 
 
+@contextmanager
+def piped_forever(content: bytes) -> Iterator[None]:
+    """Let standard input be a pipe that brings these bytes again and again, until nobody reads them."""
+    read_end, write_end = os.pipe()
+
+    def bring() -> None:
+        with suppress(BrokenPipeError), os.fdopen(write_end, "wb", buffering=0) as file:
+            while True:
+                file.write(content)
+
+    writer = threading.Thread(target=bring)
+    writer.start()
+    with standard_input(read_end):
+        os.close(read_end)
+        yield
+    writer.join()
+
+
 def scene_bytes(folder: Path, suffix: str) -> bytes:
     if suffix == ".sog":
         return made_up(np.random.default_rng(6)).zipped()
@@ -117,6 +135,18 @@ def test_an_spz_is_read_as_it_is_though_it_is_gzip(tmp_path: Path, monkeypatch: 
     path.write_bytes(scene_bytes(tmp_path, ".spz"))
     monkeypatch.setattr(sources, "unpack", None)
     assert len(io.load(path)) == len(SCENE)
+
+
+@pytest.mark.parametrize("content", [b"\0", b"no scene"])
+def test_what_is_piped_or_packed_without_end_and_is_no_scene_is_given_up_soon(
+    tmp_path: Path, content: bytes
+) -> None:
+    path = tmp_path / "scene.ply.gz"
+    path.write_bytes(gzip.compress(content * (1 << 22)))
+    with pytest.raises(CorruptFileError, match=r"scene\.ply\.gz: at byte 0: begins with .*, expected 'ply'"):
+        io.load(path)
+    with piped_forever(content * (1 << 16)), pytest.raises(LoadError, match="standard input: at byte 0: "):
+        io.load("-")
 
 
 def test_only_one_layer_is_unpacked(tmp_path: Path) -> None:

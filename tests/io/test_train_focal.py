@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +14,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from tests.io.side_files import looked_at
 from tests.io.test_cameras import entry
 from tests.scenes import shared_scenes
-from tsplat.errors import CorruptFileError, LoadWarning
+from tsplat.errors import CorruptFileError, LoadError, LoadWarning
 from tsplat.io import load_cameras, train_focal_beside, training_beside
 from tsplat.io.transforms import load_lenses
 from tsplat.train_views import TrainViews
@@ -196,7 +200,46 @@ FAULTS: dict[str, tuple[str, Any, str]] = {
     "half a circle": (
         "transforms.json",
         {"camera_angle_x": 3.2, "w": 8, "frames": [{}]},
-        "camera_angle_x must be less than pi, got 3.2",
+        "camera_angle_x must be more than 1e-06 and less than pi, got 3.2",
+    ),
+    "an angle of nothing": (
+        "transforms.json",
+        {"camera_angle_x": 1e-320, "w": 8, "frames": [{}]},
+        "camera_angle_x must be more than 1e-06 and less than pi, got 9.99",
+    ),
+    "an angle of nearly half a circle": (
+        "transforms.json",
+        {"camera_angle_x": math.nextafter(math.pi, 0.0), "w": 8, "frames": [{}]},
+        "gives a focal length of .* pixels, expected 0.1 to 1e\\+07",
+    ),
+    "as long as can be": ("cameras.json", [entry(fx=1e308, width=1)], "focal length of 1e\\+308 pixels"),
+    "next to nothing": ("cameras.json", [entry(fx=5e-324)], "focal length of 4.94066e-324 pixels"),
+    "beyond float64": (
+        "transforms.json",
+        lens(fl_x=10**400),
+        "fl_x must be a number above 0, got <int of 1329 bits>",
+    ),
+    "more digits than are read": (
+        "transforms.json",
+        '{"frames": [{"w": ' + "9" * 9999 + "}]}",
+        "w must be .*, got inf",
+    ),
+    "deep": (
+        "transforms.json",
+        '{"frames": [{"w": ' + "[" * 400 + "]" * 400 + "}]}",
+        r"w must be .*, got \[<list>\]",
+    ),
+    "a width of digits": ("cameras.json", [entry(width=10**400)], "camera 0: expected rotation 3x3"),
+    "a name as deep as it goes": (
+        "cameras.json",
+        json.dumps([entry(fx=0, img_name="deep")]).replace('"deep"', "[" * 900 + "]" * 900),
+        "camera 0: focal lengths must be positive",
+    ),
+    "values without end": ("cameras.json", "[" + "{}," * 3_000_000 + "{}]", "holds more than 2097152 values"),
+    "frames without end": (
+        "transforms.json",
+        lens(frames=[{}] * 100_001),
+        "lists 100001 frames",
     ),
     "second frame": ("transforms.json", lens(frames=[{}, {"w": -1}]), "frame 1: w must be a number above 0"),
 }
@@ -209,6 +252,77 @@ def test_a_broken_list_is_one_line_and_does_not_stop_a_viewer(tmp_path: Path, na
     with pytest.warns(LoadWarning, match=message) as caught:
         assert training_beside(tmp_path / "scene.ply") == (None, None)
     assert "\n" not in str(caught[0].message)
+
+
+PANORAMAS: dict[str, dict[str, Any]] = {
+    "by its model": {"camera_model": "EQUIRECTANGULAR", "frames": [{"w": 5760}]},
+    "in small letters": {"camera_model": "spherical", "w": 5760, "h": 2880, "fl_x": "none", "frames": [{}]},
+    "by the model of a frame": {"frames": [{"camera_model": "OMNIDIRECTIONALSTEREO_L"}]},
+    "by its size": {"w": 5760, "h": 2880, "frames": [{}, {"fl_x": None}]},
+}
+
+
+@pytest.mark.parametrize("name", PANORAMAS)
+@pytest.mark.parametrize("file_name", ["transforms.json", "transforms_train.json"])
+def test_panoramas_have_no_focal_length_and_nothing_is_said(tmp_path: Path, name: str, file_name: str) -> None:
+    write(tmp_path, file_name, PANORAMAS[name])
+    assert training_beside(tmp_path / "scene.ply") == (None, None)
+
+
+def test_among_panoramas_photographs_count(tmp_path: Path) -> None:
+    frames = [{"camera_model": "EQUIRECTANGULAR"}, {"fl_x": 300.0, "w": 600, "h": 300}]
+    write(tmp_path, "transforms.json", {"frames": frames})
+    assert focal(tmp_path) == 300.0
+
+
+@pytest.mark.parametrize("kind", ["PNG", "JPEG", "WEBP"])
+def test_a_picture_broken_at_any_byte_is_a_calm_line_or_its_size(tmp_path: Path, kind: str) -> None:
+    path = tmp_path / "a.png"
+    Image.new("RGB", (600, 400)).save(path, kind)
+    write(tmp_path, "transforms.json", {"camera_angle_x": math.pi / 2, "frames": [{"file_path": "a.png"}]})
+    whole, found = path.read_bytes(), 0
+    for place in range(0, 120, 3):
+        for content in (whole[:place], whole[:place] + b"\xff\0" + whole[place + 2 :]):
+            path.write_bytes(content)
+            found += looked_at(tmp_path / "transforms.json").focal is not None
+    assert 0 < found < 80
+
+
+@pytest.mark.parametrize("kind", ["DDS", "JPEG2000", "GIF", "TIFF"])
+def test_no_other_decoder_sees_a_picture_of_a_strangers(tmp_path: Path, kind: str) -> None:
+    Image.new("RGB", (600, 400)).save(tmp_path / "a.png", kind)
+    write(tmp_path, "transforms.json", {"camera_angle_x": 1.0, "frames": [{"file_path": "a.png"}]})
+    with pytest.warns(LoadWarning, match="frame 0: field 'w' is missing"):
+        assert focal(tmp_path) is None
+
+
+@pytest.mark.parametrize("make", [os.mkfifo, os.mkdir, lambda path: os.symlink("/dev/zero", path)])
+def test_what_is_no_file_is_not_waited_for(tmp_path: Path, make: Callable[[Path], None]) -> None:
+    for name in ("cameras.json", "transforms.json", "cfg_args", "a.png"):
+        make(tmp_path / name)
+    document = {"camera_angle_x": math.pi / 2, "frames": [{"file_path": "a.png"}]}
+    write(tmp_path, "transforms_train.json", document)
+    with pytest.warns(LoadWarning, match="frame 0: field 'w' is missing"):
+        assert focal(tmp_path) is None
+    with pytest.raises(LoadError, match="is a folder or a device"):
+        load_cameras(tmp_path / "transforms.json")
+
+
+def test_what_holds_for_all_frames_is_not_copied_for_each(tmp_path: Path) -> None:
+    many = {f"field {number}": number for number in range(30_000)}
+    write(tmp_path, "transforms.json", lens(frames=[{}] * 30_000, **many))
+    start = time.process_time()
+    assert focal(tmp_path) == 500.0
+    assert time.process_time() - start < 20.0  # copied, they would take hours
+
+
+def test_of_many_cameras_some_tell_enough(tmp_path: Path) -> None:
+    path = write(tmp_path, "cameras.json", [entry(fx=100.0 + index % 7) for index in range(4500)])
+    assert 2000 <= len(load_cameras(path, 2000)) < 2500
+    assert len(load_cameras(path, 1000)) == 1125
+    start = time.process_time()
+    assert focal(tmp_path) == 103.0
+    assert time.process_time() - start < 5.0
 
 
 def test_no_frames_are_no_focal_length(tmp_path: Path) -> None:

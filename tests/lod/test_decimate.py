@@ -13,6 +13,7 @@ from tsplat.errors import OptionError
 from tsplat.lod import decimate
 from tsplat.lod.decimate import principal_axes
 from tsplat.raster import reference
+from tsplat.scene import Gaussians
 
 N = 1500 if JIT else 40
 
@@ -45,3 +46,41 @@ def test_principal_axes_make_the_covariance_they_are_of() -> None:
     quats, scales = principal_axes(upper)
     np.testing.assert_allclose(np.linalg.norm(quats, axis=1), 1.0, atol=1e-12)
     np.testing.assert_allclose(reference.covariances(quats, scales)[:, *np.triu_indices(3)], upper, atol=1e-7)
+
+
+def scaled(scene: Gaussians, places: float, sizes: float) -> Gaussians:
+    means, scales = scene.means.astype(np.float64) * places, scene.scales.astype(np.float64) * sizes
+    return replace(scene, means=means, scales=scales)
+
+
+@pytest.mark.parametrize("places", [0.0, 1e-30, 1e-12, 1.0, 1e12, 1e30, 1e37])
+@pytest.mark.parametrize("sizes", [0.0, 1e-30, 1e-12, 1.0, 1e12, 1e30, 1e37])
+def test_scenes_of_any_size_are_merged(places: float, sizes: float) -> None:
+    scene = scaled(random_gaussians(np.random.default_rng(1), N // 10), places, sizes)
+    for count in (1, N // 25):
+        found = decimate(scene, count)
+        assert len(found) == count
+        assert np.abs(found.means).max() <= 2 * np.abs(scene.means).max()
+
+
+@pytest.mark.parametrize("exponent", [-100, -40, 40, 100])
+def test_a_scene_is_merged_alike_in_all_units(exponent: int) -> None:
+    scene = random_gaussians(np.random.default_rng(2), N // 10)
+    unit = 2.0**exponent
+    found, expected = decimate(scaled(scene, unit, unit), N // 30), decimate(scene, N // 30)
+    np.testing.assert_allclose(found.means / unit, expected.means, rtol=1e-3, atol=1e-3)
+    np.testing.assert_allclose(found.scales / unit, expected.scales, rtol=1e-2, atol=1e-3)
+
+
+@pytest.mark.parametrize("size", [1e20, 1e30, 3e38])
+@pytest.mark.parametrize("giants", [1, 3, N // 8])
+def test_splats_beyond_all_measure_are_set_apart(size: float, giants: int) -> None:
+    scene = random_gaussians(np.random.default_rng(3), N // 2)
+    scales, means = scene.scales.copy(), scene.means.copy()
+    scales[:giants:2], means[1:giants:2] = size, -size
+    few = decimate(scene.take(np.arange(giants, N // 2)), N // 10)
+    found = decimate(replace(scene, scales=scales, means=means), N // 10)
+    assert len(found) == N // 10
+    beyond = np.maximum(np.abs(found.means), found.scales).max(axis=1) > 1e19
+    assert 0 < np.count_nonzero(beyond) <= min(giants, N // 20)
+    assert found.scales[~beyond].max() < 3.0 * few.scales.max()

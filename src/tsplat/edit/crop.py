@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tsplat.errors import OptionError
-from tsplat.scene import Gaussians
+from tsplat.given import real, triple
+from tsplat.scene import Gaussians, a_scene
 
 
 def crop_box(gaussians: Gaussians, corner: Sequence[float], opposite: Sequence[float]) -> Gaussians:
@@ -24,9 +24,15 @@ def crop_box(gaussians: Gaussians, corner: Sequence[float], opposite: Sequence[f
     -------
     Gaussians
         In the same order.
+
+    Raises
+    ------
+    OptionError
+        A corner is no point.
     """
-    low, high = np.minimum(corner, opposite), np.maximum(corner, opposite)
-    inside = (gaussians.means >= low) & (gaussians.means <= high)
+    ends = triple("corner", corner, finite=False), triple("opposite", opposite, finite=False)
+    low, high = np.minimum(*ends), np.maximum(*ends)
+    inside = (a_scene(gaussians).means >= low) & (gaussians.means <= high)
     return gaussians.take(np.flatnonzero(inside.all(axis=1)))
 
 
@@ -50,9 +56,8 @@ def crop_sphere(gaussians: Gaussians, center: Sequence[float], radius: float) ->
     Raises
     ------
     OptionError
-        The radius is negative.
+        The center is no point, or the radius negative.
     """
-    if not radius >= 0.0:
-        raise OptionError(f"the radius of a sphere must be 0 or more, got {radius}")
-    distances = np.linalg.norm(gaussians.means - np.asarray(center, np.float64), axis=1)
+    radius = real("the radius of a sphere", radius, "0 or more", 0.0)
+    distances = np.linalg.norm(a_scene(gaussians).means - triple("center", center), axis=1)
     return gaussians.take(np.flatnonzero(distances <= radius))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tsplat.scene import Gaussians
+from tsplat.given import real
+from tsplat.scene import Gaussians, a_scene
 
 
 def drop_faint(gaussians: Gaussians, min_opacity: float) -> Gaussians:
@@ -22,7 +23,9 @@ def drop_faint(gaussians: Gaussians, min_opacity: float) -> Gaussians:
     Gaussians
         In the same order.
     """
-    return gaussians.take(np.flatnonzero(gaussians.opacities >= np.float32(min_opacity)))
+    with np.errstate(over="ignore"):
+        least = np.float32(real("min_opacity", min_opacity))
+    return a_scene(gaussians).take(np.flatnonzero(gaussians.opacities >= least))
 
 
 def drop_large(gaussians: Gaussians, max_scale: float) -> Gaussians:
@@ -40,4 +43,6 @@ def drop_large(gaussians: Gaussians, max_scale: float) -> Gaussians:
     Gaussians
         In the same order.
     """
-    return gaussians.take(np.flatnonzero(gaussians.scales.max(axis=1) <= np.float32(max_scale)))
+    with np.errstate(over="ignore"):
+        most = np.float32(real("max_scale", max_scale))
+    return a_scene(gaussians).take(np.flatnonzero(gaussians.scales.max(axis=1) <= most))

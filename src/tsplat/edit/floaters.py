@@ -13,7 +13,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from tsplat.scene import Gaussians
+from tsplat.given import real
+from tsplat.scene import Gaussians, a_scene
 
 NEIGHBOURS = 16
 """How many of the nearest say how alone a splat is: enough to even out noise, and few beside any real thing."""
@@ -42,7 +43,8 @@ def remove_floaters(
     Gaussians
         In the same order.
     """
-    if not len(gaussians):
+    sigmas = real("sigmas", sigmas)
+    if not len(a_scene(gaussians)):
         return gaussians
     from tsplat.edit.neighbours import mean_gaps  # kernels, which other edits do without
 

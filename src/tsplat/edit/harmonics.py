@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from tsplat.scene import SH_COEFFICIENTS, Gaussians
+from tsplat.given import whole
+from tsplat.scene import SH_COEFFICIENTS, Gaussians, a_scene
 
 
 def lower_sh_degree(gaussians: Gaussians, degree: int) -> Gaussians:
@@ -14,7 +15,8 @@ def lower_sh_degree(gaussians: Gaussians, degree: int) -> Gaussians:
 
     The harmonics are orthogonal, so what is left is the best that fewer of them can do.
     """
-    return with_sh_degree(gaussians, min(degree, gaussians.sh_degree))
+    degree = whole("degree", degree, 0, len(SH_COEFFICIENTS) - 1)
+    return with_sh_degree(gaussians, min(degree, a_scene(gaussians).sh_degree))
 
 
 def with_sh_degree(gaussians: Gaussians, degree: int) -> Gaussians:
@@ -32,7 +34,8 @@ def with_sh_degree(gaussians: Gaussians, degree: int) -> Gaussians:
     Gaussians
         With ``sh`` of shape [N, SH_COEFFICIENTS[degree], 3].
     """
-    if degree == gaussians.sh_degree:
+    degree = whole("degree", degree, 0, len(SH_COEFFICIENTS) - 1)
+    if degree == a_scene(gaussians).sh_degree:
         return gaussians
     wanted = SH_COEFFICIENTS[degree]
     common = min(wanted, gaussians.sh.shape[1])

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from tsplat.edit.harmonics import with_sh_degree
-from tsplat.errors import LoadWarning
-from tsplat.scene import Gaussians
+from tsplat.errors import LoadWarning, SceneError, shown
+from tsplat.scene import Gaussians, a_scene
 
 
 def join(scenes: Sequence[Gaussians]) -> Gaussians:
@@ -30,6 +30,10 @@ def join(scenes: Sequence[Gaussians]) -> Gaussians:
     LoadWarning
         Some are antialiased and some are not: no way to draw them suits all.
     """
+    if not isinstance(scenes, Sequence) or not len(scenes):
+        raise SceneError(f"scenes must be a list of one or more, got {shown(scenes)}")
+    for scene in scenes:
+        a_scene(scene)
     if len(scenes) == 1:
         return scenes[0]
     antialiased = sum(scene.antialiased for scene in scenes)

@@ -14,10 +14,12 @@ import numpy as np
 import numpy.typing as npt
 
 from tsplat.errors import OptionError
+from tsplat.given import real, triple
 from tsplat.rotations import quat_products, rotations_of
-from tsplat.scene import Gaussians
+from tsplat.scene import Gaussians, a_scene
 from tsplat.sh_rotation import rotate_sh
 
+F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
 
 
@@ -37,12 +39,13 @@ def rotate(gaussians: Gaussians, degrees: Sequence[float]) -> Gaussians:
     Gaussians
         In the same order.
     """
+    a_scene(gaussians)
     quat = euler_quat(degrees)
     rotation = rotations_of(quat[None])[0]
     quats = quat_products(quat, gaussians.quats)
     return replace(
         gaussians,
-        means=(gaussians.means @ rotation.T).astype(np.float32),
+        means=_in_float32(gaussians.means @ rotation.T),
         quats=(quats / np.linalg.norm(quats, axis=1, keepdims=True)).astype(np.float32),
         sh=rotate_sh(gaussians.sh, rotation),
     )
@@ -50,7 +53,7 @@ def rotate(gaussians: Gaussians, degrees: Sequence[float]) -> Gaussians:
 
 def translate(gaussians: Gaussians, offset: Sequence[float]) -> Gaussians:
     """Shift a scene by three world units along x, y and z."""
-    return replace(gaussians, means=gaussians.means + np.asarray(offset, np.float64))
+    return replace(a_scene(gaussians), means=_in_float32(gaussians.means + triple("offset", offset)))
 
 
 def scale(gaussians: Gaussians, factor: float) -> Gaussians:
@@ -61,15 +64,24 @@ def scale(gaussians: Gaussians, factor: float) -> Gaussians:
     OptionError
         The factor is not above 0.
     """
-    if not factor > 0.0:
-        raise OptionError(f"the factor of a scale must be above 0, got {factor}")
-    return replace(gaussians, means=gaussians.means * factor, scales=gaussians.scales * factor)
+    factor = real("the factor of a scale", factor, "finite and above 0", math.ulp(0.0))
+    if factor == math.inf:
+        raise OptionError("the factor of a scale must be finite and above 0, got inf")
+    means, scales = (
+        _in_float32(array.astype(np.float64) * factor) for array in (a_scene(gaussians).means, gaussians.scales)
+    )
+    return replace(gaussians, means=means, scales=scales)
+
+
+def _in_float32(array: F64) -> F32:
+    with np.errstate(over="ignore"):  # what is beyond it is infinite, and refused
+        return array.astype(np.float32)
 
 
 def euler_quat(degrees: Sequence[float]) -> F64:
     """Return the turn about the world's x axis, then its y axis, then its z axis as a unit quat ``wxyz``."""
     quat = np.array([1.0, 0.0, 0.0, 0.0])
-    for axis, angle in enumerate(degrees):
+    for axis, angle in enumerate(triple("degrees", degrees).tolist()):
         turn = np.zeros(4)
         turn[0], turn[1 + axis] = math.cos(math.radians(angle) / 2), math.sin(math.radians(angle) / 2)
         quat = quat_products(turn, quat[None])[0]

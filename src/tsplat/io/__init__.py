@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
+from tsplat import given
 from tsplat.errors import LoadError, OptionError, SaveError
 from tsplat.files import replacing
 from tsplat.io.cameras import TrainingCamera, load_cameras
@@ -17,7 +18,7 @@ from tsplat.io.formats import FORMATS, HEAD_BYTES, find_format
 from tsplat.io.options import LoadOptions, SpzFrame
 from tsplat.io.sources import local_file
 from tsplat.io.train_focal import train_focal_beside, training_beside
-from tsplat.scene import Gaussians
+from tsplat.scene import Gaussians, a_scene
 
 __all__ = [
     "TrainingCamera", "demo_path", "load", "load_cameras", "save", "saving", "train_focal_beside",
@@ -76,7 +77,9 @@ def load(
         Splats were left out or mended; the text says how many.
     """
     options = LoadOptions(max_splats, raw_opacity, spz_frame, lod)
-    with local_file(path, lod, progress or (lambda _: None), fetched or (lambda *_: None)) as (local, reading):
+    progress = given.function("progress", progress or (lambda _: None))
+    fetched = given.function("fetched", fetched or (lambda *_: None))
+    with local_file(path, options.lod, progress, fetched) as (local, reading):
         known = find_format(_head(local), local.name)
         if known is None:
             names = ", ".join(f"{known.name} ({', '.join(known.suffixes)})" for known in FORMATS)
@@ -98,8 +101,11 @@ def save(path: str | Path, gaussians: Gaussians) -> Path:
     ------
     SaveError
         The suffix names no format that can be written, or the folder cannot be written.
+    SceneError
+        The scene is none.
     """
-    path = Path(path)
+    path = given.path(path)
+    a_scene(gaussians)
     with saving(path) as write:
         write(gaussians)
     return path

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import binascii
 import io
-import json
 import os
 import re
 import struct
@@ -17,13 +16,17 @@ from pathlib import Path
 from typing import BinaryIO
 from urllib.parse import unquote
 
-from tsplat.errors import CorruptFileError, LoadError
+from tsplat.errors import CorruptFileError, LoadError, shown
+from tsplat.io.json_text import parse_json
 from tsplat.io.sog_files import is_inside
 from tsplat.io.sog_json import JSON_BYTES, Fields
 
 MAGIC = b"glTF"
 HEADER = struct.Struct("<4sII")
 CHUNK = struct.Struct("<I4s")
+
+HEAD_BYTES = 64
+"""Of a file, looked at before all of it is read."""
 
 SIZE_MAX = 1 << 53
 """Larger numbers are not exact in the JSON of other programs."""
@@ -121,7 +124,7 @@ class Document:
 
     def packed(self, extension: str) -> LoadError:
         """Return the error for bytes that only an extension can unpack."""
-        return LoadError(self.path, f"is packed with {ascii(extension)[1:-1]:.80}, not read here; unpack it first")
+        return LoadError(self.path, f"is packed with {shown(extension)[1:-1]}, not read here; unpack it first")
 
     def _buffer(self, view: Fields) -> Stretch:
         fields, index = self.linked(view, "buffer", "buffers"), view.values["buffer"]
@@ -168,7 +171,12 @@ def open_document(path: Path) -> Document:
         It is of another version.
     """
     with path.open("rb") as file:
-        text, chunk = _read_glb(path, file) if file.read(len(MAGIC)) == MAGIC else (path.read_bytes(), None)
+        head = file.read(HEAD_BYTES)
+        begin = head.removeprefix(b"\xef\xbb\xbf").lstrip()
+        if begin and not begin.startswith((MAGIC, b"{")):
+            problem = f"begins with {head[:12]!r}, expected {MAGIC!r} or a JSON object; fetch it again"
+            raise CorruptFileError(path, problem, 0)
+        text, chunk = _read_glb(path, file) if head.startswith(MAGIC) else (path.read_bytes(), None)
     embedded: list[bytes] = []
 
     def cut_out(found: re.Match[bytes]) -> bytes:
@@ -182,12 +190,9 @@ def open_document(path: Path) -> Document:
     short = _BASE64.sub(cut_out, text).rstrip(b"\0")  # some writers fill up the chunk with it
     if len(short) > JSON_BYTES:
         raise CorruptFileError(path, f"holds {len(short)} bytes of JSON, expected at most {JSON_BYTES}; split it")
-    try:
-        values = json.loads(short)
-    except (ValueError, RecursionError) as error:
-        raise CorruptFileError(path, "its JSON does not parse, expected that of a glTF; fetch it again") from error
-    if not isinstance(values, dict):
-        raise CorruptFileError(path, f"holds a JSON {type(values).__name__}, expected an object; fetch it again")
+    values = parse_json(
+        short, dict, "an object of a glTF", lambda problem, _: CorruptFileError(path, f"{problem}; fetch it again")
+    )
     root = Fields(lambda problem: CorruptFileError(path, f"{problem}; fetch it again"), values)
     return Document(path, root, chunk, embedded)
 

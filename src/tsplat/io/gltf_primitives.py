@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from tsplat.errors import shown
 from tsplat.io.arrays import Arrays
 from tsplat.io.gltf_accessors import Accessor, find_accessor
 from tsplat.io.gltf_colors import show_linear
@@ -145,13 +146,14 @@ def _normalized(accessor: Accessor) -> Accessor:
 
 
 def _is_linear(splatting: Fields) -> bool:
-    return "lin" in str(splatting.values.get("colorSpace")).lower()
+    space = splatting.values.get("colorSpace")
+    return isinstance(space, str) and "lin" in space.lower()
 
 
 def _problems(splatting: Fields) -> set[str]:
     expected = {"kernel": ("ellipse",), "projection": ("perspective",), "colorSpace": COLOR_SPACES}
     return {
-        f"{name} {ascii(splatting.values[name])[:60]} is drawn as {' or '.join(known[:2])}"
+        f"{name} {shown(splatting.values[name])} is drawn as {' or '.join(known[:2])}"
         for name, known in expected.items()
         if splatting.has(name) and splatting.values[name] not in known
     }

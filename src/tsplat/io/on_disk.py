@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tsplat.errors import LoadError
 from tsplat.io.formats import HEAD_BYTES, find_format
-from tsplat.io.sog_files import is_inside
-from tsplat.io.sog_json import JSON_BYTES
+from tsplat.io.sog_files import Folder, is_inside
+from tsplat.io.sog_json import read_fields
 
 SCENE_SUFFIXES = (".json", ".sog")
 """Of files that are scenes of their own inside a streamed scene."""
@@ -76,9 +76,8 @@ def _names(path: Path) -> Iterator[str]:
     """Go through all texts in a JSON file that could be names of files beside it."""
     waiting: list[Any] = []
     # What is no JSON within limits is no part of a scene that could be loaded.
-    with suppress(OSError, ValueError, RecursionError):
-        if path.stat().st_size <= JSON_BYTES:
-            waiting.append(json.loads(path.read_bytes()))
+    with suppress(OSError, LoadError):
+        waiting.append(read_fields(Folder(path), path.name).values)
     while waiting:
         value = waiting.pop()
         if isinstance(value, dict):

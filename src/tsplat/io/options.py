@@ -5,7 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from tsplat.errors import OptionError
+import numpy as np
+
+from tsplat.errors import OptionError, shown
+from tsplat.given import whole
 
 SpzFrame = Literal["rub", "rdf"]
 SPZ_FRAMES: tuple[SpzFrame, ...] = get_args(SpzFrame)
@@ -38,9 +41,11 @@ class LoadOptions:
     lod: int | None = 0
 
     def __post_init__(self) -> None:
-        if self.max_splats is not None and self.max_splats < 1:
-            raise OptionError(f"max_splats must be 1 or more, got {self.max_splats}")
-        if self.spz_frame not in SPZ_FRAMES:
-            raise OptionError(f"spz_frame must be {' or '.join(SPZ_FRAMES)}, got {self.spz_frame!r}")
-        if self.lod is not None and self.lod < 0:
-            raise OptionError(f"lod must be 0 or more, got {self.lod}")
+        if self.max_splats is not None:
+            object.__setattr__(self, "max_splats", whole("max_splats", self.max_splats, 1))
+        if not isinstance(self.raw_opacity, (bool, np.bool_)):
+            raise OptionError(f"raw_opacity must be True or False, got {shown(self.raw_opacity)}")
+        if not (isinstance(self.spz_frame, str) and self.spz_frame in SPZ_FRAMES):
+            raise OptionError(f"spz_frame must be {' or '.join(SPZ_FRAMES)}, got {shown(self.spz_frame)}")
+        if self.lod is not None:
+            object.__setattr__(self, "lod", whole("lod", self.lod, 0))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from tsplat.errors import CorruptFileError, LoadError
+from tsplat.errors import CorruptFileError, LoadError, shown
 from tsplat.io.ply_header import Element
 from tsplat.scene import SH_COEFFICIENTS
 
@@ -85,7 +85,7 @@ def _refuse_other_kinds(path: Path, vertex: Element) -> None:
         raise LoadError(path, f"{problem}; export the scene again")
     lists = [prop.name for prop in vertex.properties if prop.length_code]
     if lists:
-        raise LoadError(path, f"vertex: property {ascii(lists[0])[:40]} is a list; export the scene without it")
+        raise LoadError(path, f"vertex: property {shown(lists[0], 40)} is a list; export the scene without it")
     absent = [field for field in ("scales", "quats", "opacities") if not set(NAMES[field]) & set(vertex.names)]
     if len(absent) == 3:
         problem = "is a point cloud or a mesh, not a splat scene: its vertices lack opacity, scale_* and rot_*"

@@ -12,7 +12,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from tsplat.errors import CorruptFileError
+from tsplat.errors import CorruptFileError, shown
 
 MAGIC = (b"ply\n", b"ply\r\n")
 MAX_HEADER = 1 << 18
@@ -186,5 +186,4 @@ def _with_property(element: Element, words: list[str], fault: _Fault) -> Element
 
 def _shown(text: str) -> str:
     # Names come from the file: quoted, with control characters escaped, and never longer than a line.
-    shown = ascii(text)
-    return shown if len(shown) <= 60 else f"{shown[:56]}...{shown[0]}"
+    return shown(text)

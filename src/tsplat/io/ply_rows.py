@@ -14,7 +14,7 @@ from typing import BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from tsplat.errors import CorruptFileError
+from tsplat.errors import CorruptFileError, shown
 from tsplat.io.arrays import chunks
 from tsplat.io.ply_header import Element, Header
 
@@ -69,7 +69,7 @@ def find_rows(file: BinaryIO, path: Path, header: Header, element: Element) -> i
     """
     size = os.fstat(file.fileno()).st_size
     if size - header.data_start < header.least_bytes:
-        counts = ", ".join(f"{each.count} {ascii(each.name)[:40]}" for each in header.elements)
+        counts = ", ".join(f"{each.count} {shown(each.name, 40)}" for each in header.elements)
         problem = f"rows: {counts} need at least {header.least_bytes} bytes, {size - header.data_start} are there"
         raise CorruptFileError(path, f"{problem}; the file is truncated, fetch it again", header.data_start)
     position = header.data_start
@@ -116,7 +116,7 @@ def _text_rows(file: BinaryIO, path: Path, element: Element) -> Iterator[F32]:
             if len(words) != columns:
                 if not words and not file.read(1):
                     raise _ended(path, element, row, file.tell())
-                problem = f"row {row} of {element.name!a} has {len(words)} values, expected {columns}"
+                problem = f"row {row} of {shown(element.name)} has {len(words)} values, expected {columns}"
                 raise CorruptFileError(path, f"{problem}; the file is damaged, fetch it again", file.tell())
             lines.append(words)
         try:
@@ -124,7 +124,9 @@ def _text_rows(file: BinaryIO, path: Path, element: Element) -> Iterator[F32]:
                 # One by one: an array of words would give each the room of the longest.
                 rows = np.array([[*map(float, words)] for words in lines]).astype(np.float32)
         except ValueError as error:
-            problem = f"rows {first} to {first + len(lines) - 1} of {element.name!a} hold a word that is no number"
+            problem = (
+                f"rows {first} to {first + len(lines) - 1} of {shown(element.name)} hold a word that is no number"
+            )
             raise CorruptFileError(path, f"{problem}; the file is damaged, fetch it again", start) from error
         yield rows
 
@@ -151,7 +153,9 @@ def _skip_lists(file: BinaryIO, path: Path, element: Element, position: int, siz
                 file.seek(position)
                 length = int.from_bytes(file.read(width), endian, signed=length_code[0] == "i")  # type: ignore[arg-type]
                 if length < 0:
-                    problem = f"row {row} of {element.name!a} has a list of length {length}, expected 0 or more"
+                    problem = (
+                        f"row {row} of {shown(element.name)} has a list of length {length}, expected 0 or more"
+                    )
                     raise CorruptFileError(path, f"{problem}; the file is damaged, fetch it again", position)
                 position += length * item
             position += width
@@ -165,5 +169,5 @@ def _chunk_rows(element: Element) -> int:
 
 
 def _ended(path: Path, element: Element, row: int, offset: int) -> CorruptFileError:
-    problem = f"ends in row {row} of {element.count} of {ascii(element.name)[:40]}"
+    problem = f"ends in row {row} of {element.count} of {shown(element.name, 40)}"
     return CorruptFileError(path, f"{problem}; the file is truncated, fetch it again", offset)

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
-from tsplat.errors import LoadError
+from tsplat.errors import LoadError, shown
+from tsplat.io.arrival import Watch
 from tsplat.io.remote_errors import SILENCE_SECONDS, one_line
 
 if TYPE_CHECKING:
@@ -72,9 +73,8 @@ class Remote:
     def __init__(self, url: str, fetched: Fetched) -> None:
         self._scheme = url.partition("://")[0].lower()
         if self._scheme not in SCHEMES:
-            problem = (
-                f"is of kind {self._scheme!r}, expected {', '.join(SCHEMES)} or a path; fetch it yourself first"
-            )
+            kind = f"is of kind {shown(self._scheme)}, expected {', '.join(SCHEMES)} or a path"
+            problem = f"{kind}; fetch it yourself first"
             raise LoadError(shown_url(url), problem)
         try:
             self._files = _file_system(self._scheme)
@@ -85,7 +85,7 @@ class Remote:
         self._fetched, self._first, self._before = fetched, True, 0
 
     def fetch(self, url: str, place: Path, progress: Progress) -> None:
-        """Write the file at a URL to a place.
+        """Write the file at a URL to a place, or only its first bytes where these are of no scene.
 
         Raises
         ------
@@ -96,21 +96,23 @@ class Remote:
         """
         from fsspec.callbacks import Callback
 
-        come = Callback()
+        come, watch = Callback(), Watch(place)
 
-        def tell() -> None:
+        def tell() -> bool:
             self._fetched(self._before + come.value, come.size if self._first else None)
             if come.size:
                 progress(min(1.0, come.value / come.size))
+            return watch.goes_on(come.value, come.size)
 
         with one_line(shown_url(url), self._scheme):
             _wait_for(self._files._get_file(url, str(place), callback=come), self._files.loop, tell)
-        tell()
+        self._fetched(self._before + come.value, come.size if self._first else None)
+        progress(1.0)
         self._before, self._first = self._before + come.value, False
 
 
-def _wait_for(job: Coroutine[Any, Any, object], loop: AbstractEventLoop, tell: Callable[[], None]) -> None:
-    """Wait for what is done on fsspec's thread, and end it if this ends first, by Ctrl-C say."""
+def _wait_for(job: Coroutine[Any, Any, object], loop: AbstractEventLoop, tell: Callable[[], bool]) -> None:
+    """Wait for what is done on fsspec's thread; end it where ``tell`` says no, or this ends, by Ctrl-C say."""
     from asyncio import run_coroutine_threadsafe  # nobody else needs it
 
     ended = threading.Event()
@@ -124,7 +126,8 @@ def _wait_for(job: Coroutine[Any, Any, object], loop: AbstractEventLoop, tell: C
     future = run_coroutine_threadsafe(run(), loop)
     try:
         while not wait([future], TELL_SECONDS).done:
-            tell()
+            if not tell():
+                return
         future.result()
     finally:
         future.cancel()

@@ -8,13 +8,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from tsplat.errors import LoadError
+from tsplat.errors import LoadError, printable, shown
 
 if TYPE_CHECKING:
     import aiohttp
 
 SILENCE_SECONDS = 30.0
 """How long a server may say nothing; the whole may take as long as it will."""
+
+MOST_CHARS = 150
+"""Of what a server or a library says: it may be megabytes."""
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 """The disk here is full, which says nothing about there."""
@@ -25,6 +28,8 @@ def one_line(name: str, scheme: str) -> Iterator[None]:
     """Turn what fetching raises into a `LoadError` about ``name``, but for a full disk."""
     try:
         yield
+    except LoadError:
+        raise
     except _raised(scheme) as error:
         if isinstance(error, OSError) and error.errno in FULL:
             raise
@@ -53,24 +58,26 @@ def _problem(error: Exception) -> str:
         case aiohttp.ClientConnectorDNSError():
             return "no server of this name is known; check the address and the network"
         case aiohttp.ClientConnectorError():
-            reason = os.strerror(error.os_error.errno) if error.os_error.errno else str(error.os_error)
+            number = error.os_error.errno
+            reason = os.strerror(number) if number else shown(str(error.os_error), MOST_CHARS)
             return f"the server cannot be reached: {reason}; check the address and the network"
         case TimeoutError():
             return f"the server said nothing for {SILENCE_SECONDS:.0f} s; try again"
         case aiohttp.TooManyRedirects():
             return "leads from one address to the next without end; check the address"
         case aiohttp.RedirectClientError():
-            return f"leads on to {str(error)!a}, expected http or https; check the address"
+            return f"leads on to {shown(str(error), MOST_CHARS)}, expected http or https; check the address"
         case aiohttp.ClientResponseError():
-            return f"the server answered {error.status} {error.message!a}; check the address"
+            return f"the server answered {error.status} {shown(error.message, MOST_CHARS)}; check the address"
         case aiohttp.ClientPayloadError() | aiohttp.ClientConnectionError():
             return "the server stopped in the middle; try again"
         case aiohttp.InvalidURL() | ValueError():
             return "is no URL that can be fetched; check the address"
         case _:
-            return f"cannot be fetched: {ascii(str(error))[:150]}; check the address and your credentials"
+            return f"cannot be fetched: {shown(str(error), MOST_CHARS)}; check the address and your credentials"
 
 
 def _distrust(error: aiohttp.ClientSSLError) -> str:
     cause: object = getattr(error, "certificate_error", error.os_error)
-    return getattr(cause, "verify_message", "") or str(getattr(cause, "reason", cause)).replace("_", " ").lower()
+    reason = getattr(cause, "verify_message", "") or str(getattr(cause, "reason", cause)).replace("_", " ").lower()
+    return printable(reason[:MOST_CHARS])

@@ -15,11 +15,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from tsplat.errors import CorruptFileError, LoadError, OptionError
+from tsplat.errors import CorruptFileError, LoadError, OptionError, shown
 from tsplat.io.arrays import Arrays
 from tsplat.io.finish import finish
 from tsplat.io.options import LoadOptions
-from tsplat.io.sog_files import ZIP_MAGICS, Archive, Files, Folder
+from tsplat.io.sog_files import NAME_CHARS, ZIP_MAGICS, Archive, Files, Folder
 from tsplat.io.sog_json import META_BYTES, Fields, read_fields
 from tsplat.io.sog_lod import Piece, Run, is_streamed, pieces_of_level
 from tsplat.io.sog_meta import Meta, parse_meta
@@ -117,10 +117,14 @@ def find_piece(folder: Path, fields: Fields, piece: Piece) -> Scene:
     """
     path = folder / piece.name
     if not path.is_file():
-        raise fields.corrupt(f"names {piece.name!a}, which is missing, expected a file beside it; fetch it")
+        raise fields.corrupt(
+            f"names {shown(piece.name, NAME_CHARS)}, which is missing, expected a file beside it; fetch it"
+        )
     scene = _find_scene(path, piece.runs)
     if piece.runs is not None and (end := sum(piece.runs[-1])) > scene.meta.count:
-        raise fields.corrupt(f"names splat {end - 1} of {piece.name!a}, expected less than {scene.meta.count}")
+        raise fields.corrupt(
+            f"names splat {end - 1} of {shown(piece.name, NAME_CHARS)}, expected less than {scene.meta.count}"
+        )
     return scene
 
 

@@ -12,7 +12,7 @@ from pathlib import Path, PurePosixPath
 from types import TracebackType
 from typing import BinaryIO, Protocol, Self
 
-from tsplat.errors import CorruptFileError
+from tsplat.errors import CorruptFileError, shown
 
 ZIP_MAGICS = (b"PK\x03\x04", b"PK\x05\x06")
 """A zip that holds files, and an empty one."""
@@ -114,12 +114,16 @@ class Archive:
     def corrupt(self, name: str, problem: str) -> CorruptFileError:
         entry = self._zip.NameToInfo.get(name)
         offset = entry.header_offset if entry else None
-        return CorruptFileError(self.path, f"{ascii(name)[:NAME_CHARS]} {problem}; fetch it again", offset)
+        return CorruptFileError(self.path, f"{shown(name, NAME_CHARS)} {problem}; fetch it again", offset)
 
     def _find(self, name: str) -> zipfile.ZipInfo:
         entry = self._zip.NameToInfo.get(name)
         if entry is None:
             raise self.corrupt(name, "is missing from the zip, expected a file of the scene")
+        if entry.header_offset < 0:
+            raise self.corrupt(
+                name, f"begins at byte {entry.header_offset} by the zip's directory, expected 0 or more"
+            )
         if entry.flag_bits & 1 or entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             raise self.corrupt(name, "is encrypted or packed in a rare way, expected stored or deflated")
         return entry

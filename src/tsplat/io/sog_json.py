@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -10,13 +9,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from tsplat.errors import CorruptFileError
+from tsplat.errors import CorruptFileError, shown
+from tsplat.io.json_text import parse_json
 from tsplat.io.sog_files import Files, is_inside
 
 F64 = npt.NDArray[np.float64]
 
 JSON_BYTES = 1 << 24
-"""Larger files are no lists of names and codebooks; parsed, this one would already take hundreds of megabytes."""
+"""Larger files are no lists of names and codebooks: this one would be a hundred thousand leaves of a tree."""
 
 META_BYTES = 1 << 18
 """Ten times what the three codebooks of one scene take, and what may be made of a few packed bytes in a zip."""
@@ -89,7 +89,7 @@ class Fields:
 
     def wrong(self, name: str, expected: str) -> CorruptFileError:
         """Return the error for a field that is not what it should be."""
-        value = f"is {ascii(self.values[name])[:60]}" if name in self.values else "is missing"
+        value = f"is {shown(self.values[name])}" if name in self.values else "is missing"
         return self.corrupt(f"field {self.where}{name} {value}, expected {expected}")
 
 
@@ -104,10 +104,6 @@ def read_fields(files: Files, name: str, most: int = JSON_BYTES) -> Fields:
     text = files.read(name, most + 1)
     if len(text) > most:
         raise files.corrupt(name, f"holds more than {most} bytes, expected less of a list of planes")
-    try:
-        values = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise files.corrupt(name, "is not JSON, expected an object that lists a scene's planes") from error
-    if not isinstance(values, dict):
-        raise files.corrupt(name, f"holds a JSON {type(values).__name__}, expected an object")
+    expected = "an object that lists a scene's planes"
+    values = parse_json(text, dict, expected, lambda problem, _: files.corrupt(name, problem))
     return Fields(lambda problem: files.corrupt(name, problem), values)

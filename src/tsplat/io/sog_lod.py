@@ -11,7 +11,8 @@ from itertools import groupby, pairwise
 from pathlib import PurePosixPath
 from typing import Any
 
-from tsplat.errors import OptionError
+from tsplat.errors import OptionError, shown
+from tsplat.io.sog_files import NAME_CHARS
 from tsplat.io.sog_json import Fields
 from tsplat.io.sog_planes import PIXELS_MAX
 
@@ -127,7 +128,9 @@ def _pieces(fields: Fields, lods: list[Lod], where: str) -> list[Piece]:
         runs.sort()
         for (offset, count), (following, _) in pairwise(runs):
             if offset + count > following:
-                raise fields.corrupt(f"uses splat {following} of {name!a} twice, expected each once")
+                raise fields.corrupt(
+                    f"uses splat {following} of {shown(name, NAME_CHARS)} twice, expected each once"
+                )
     if (total := sum(count for runs in found.values() for _, count in runs)) > PIXELS_MAX:
         raise fields.corrupt(f"counts {total} splats in {where}, expected at most {PIXELS_MAX}")
     return [Piece(name, runs) for name, runs in sorted(found.items())]
@@ -143,7 +146,7 @@ def _leaves(fields: Fields) -> Iterator[Fields]:
         elif isinstance(node, dict):
             yield Fields(fields.corrupt, node, "tree...").inner("lods")
         else:
-            raise fields.corrupt(f"holds {ascii(node)[:60]} in the tree, expected a node")
+            raise fields.corrupt(f"holds {shown(node)} in the tree, expected a node")
 
 
 def _lods_of(lods: Fields, level: int | None) -> list[Fields]:

@@ -14,11 +14,14 @@ from tempfile import TemporaryDirectory, gettempdir
 from typing import BinaryIO
 from urllib.parse import unquote
 
+from tsplat import given
 from tsplat.errors import LoadError, calling
+from tsplat.io.arrival import keep_room, may_be_scene
+from tsplat.io.formats import HEAD_BYTES
 from tsplat.io.remote import Fetched, Progress, Remote, is_url, shown_url, url_beside
 from tsplat.io.remote_errors import FULL
 from tsplat.io.sog_beside import Fetch, fetch_beside, is_json
-from tsplat.io.unpack import is_packed, unpack
+from tsplat.io.unpack import UNPACKED, is_packed, unpack
 
 STDIN = "-"
 """What standard input is called where a file may be named."""
@@ -80,6 +83,7 @@ def local_file(
     LoadError
         It cannot be got or read; `CorruptFileError` where it is packed and broken.
     """
+    source = source if is_elsewhere(source) else given.path(source)
     with legible(source):
         if not is_elsewhere(source) and not is_packed(Path(source)):
             yield Path(source), progress
@@ -131,7 +135,10 @@ def _copy(file: BinaryIO, place: Path, progress: Progress, fetched: Fetched) -> 
     size, done = os.fstat(file.fileno()).st_size, 0
     with place.open("xb") as copy:
         while piece := file.read(PIECE_BYTES):
+            keep_room(place, done)
             copy.write(piece)
+            if not done and len(piece) == PIECE_BYTES and not may_be_scene(piece[:HEAD_BYTES], place.name):
+                return  # the rest may have no end
             done += len(piece)
             fetched(done, size or None)  # a pipe has no size
             if size:
@@ -164,6 +171,6 @@ def fetch_by(url: str, fetched: Fetched) -> Fetch:
 
 def _unpack_in_place(place: Path) -> None:
     if is_packed(place):
-        unpacked = place.with_name(f"{place.name}.unpacked")
+        unpacked = place.with_name(f"{place.name}{UNPACKED}")
         unpack(place, unpacked, lambda _: None)
         unpacked.replace(place)

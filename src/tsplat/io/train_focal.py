@@ -13,10 +13,12 @@ import re
 import statistics
 import warnings
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
-from tsplat.errors import LoadError, LoadWarning
+from tsplat import given
+from tsplat.errors import CorruptFileError, LoadError, LoadWarning
 from tsplat.io.cameras import load_cameras
 from tsplat.io.sources import is_elsewhere
 from tsplat.io.transforms import load_lenses
@@ -30,6 +32,12 @@ WIDEST = 1600.0
 
 DIVISORS = 1, 2, 4, 8
 """What ``--resolution`` divides by; other numbers are widths in pixels, those below 0 mean `WIDEST`."""
+
+CAMERAS = 2000
+"""Looked at of a ``cameras.json``: enough for a median and for what was in view, in tenths of a second."""
+
+FOCALS = 0.1, 1e7
+"""Pixels; no lens has a focal length outside of these, whatever a list says."""
 
 ARGUMENTS_BYTES = 1 << 16
 """More of a ``cfg_args`` is not looked at."""
@@ -76,17 +84,38 @@ def training_beside(scene_path: str | Path) -> Training:
     """
     if is_elsewhere(scene_path):
         return Training()
-    folder = Path(scene_path).absolute().parent
-    places = (each / name for each in (folder, *folder.parents[:LEVELS_UP]) for name in SOURCES)
-    path = next((place for place in places if place.is_file()), None)
+    path = _nearest_list(given.path(scene_path))
     if path is None:
         return Training()
     try:
-        focals, views = SOURCES[path.name](path)
-    except LoadError as error:
-        warnings.warn(f"{error}; no training focal length is taken from it", LoadWarning, stacklevel=2)
+        return _training(path)
+    except MemoryError:
+        error = LoadError(path, "needs more memory than there is")
+    except LoadError as broken:
+        error = broken
+    warnings.warn(f"{error}; no training focal length is taken from it", LoadWarning, stacklevel=2)
+    return Training()
+
+
+def _nearest_list(scene_path: Path) -> Path | None:
+    with suppress(OSError, ValueError):  # folders that may not be looked into, names that are none
+        folder = scene_path.absolute().parent
+        for each in (folder, *folder.parents[:LEVELS_UP]):
+            for name in SOURCES:
+                if (each / name).is_file():
+                    return each / name
+    return None
+
+
+def _training(path: Path) -> Training:
+    focals, views = SOURCES[path.name](path)
+    if not focals:
         return Training()
-    return Training(statistics.median(focals), views) if focals else Training()
+    focal, (least, most) = statistics.median(focals), FOCALS
+    if not least <= focal <= most:
+        problem = f"gives a focal length of {focal:g} pixels, expected {least:g} to {most:g}; export it again"
+        raise CorruptFileError(path, problem)
+    return Training(focal, views)
 
 
 Listed = tuple[list[float], TrainViews | None]
@@ -98,7 +127,7 @@ def _of_cameras(path: Path) -> Listed:
     folder = re.search(r"\bimages='([^']*)'", arguments)
     resolution = re.search(r"\bresolution=(-?\d{1,6})\b", arguments)
     divisor = _divisor(folder[1] if folder else _only_images(path.parent))
-    cameras = [each.camera for each in load_cameras(path)]
+    cameras = [each.camera for each in load_cameras(path, CAMERAS)]
     sizes = [(each.K[0, 0].item(), each.width / divisor) for each in cameras]
     asked = int(resolution[1]) if resolution else -1
     focals = [focal / divisor * _trained_width(width, asked) / width for focal, width in sizes]
@@ -107,11 +136,13 @@ def _of_cameras(path: Path) -> Listed:
 
 def _arguments(folder: Path) -> str:
     """Return what the training code was called with."""
-    try:
-        with (folder / "cfg_args").open("rb") as file:
-            return file.read(ARGUMENTS_BYTES).decode("utf-8", "replace")
-    except OSError:
-        return ""
+    path = folder / "cfg_args"
+    # Pipes and devices would keep a reader waiting.
+    with suppress(OSError):
+        if path.is_file():
+            with path.open("rb") as file:
+                return file.read(ARGUMENTS_BYTES).decode("utf-8", "replace")
+    return ""
 
 
 def _only_images(folder: Path) -> str:

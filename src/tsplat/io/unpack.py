@@ -12,8 +12,12 @@ from typing import cast
 
 from tsplat.errors import CorruptFileError
 from tsplat.io import spz
+from tsplat.io.arrival import keep_room, may_be_scene
 from tsplat.io.formats import HEAD_BYTES
 from tsplat.io.spz_header import GZIP_MAGIC
+
+UNPACKED = ".unpacked"
+"""What is behind the name of a file that takes the place of its packed self."""
 
 MOST_TIMES = 100
 """Scenes pack to a half or a fifth; what unpacks to so much, and `SLACK` on top, was made to fill a disk."""
@@ -32,7 +36,9 @@ def is_packed(path: Path) -> bool:
 
 
 def unpack(packed: Path, place: Path, progress: Callable[[float], None]) -> None:
-    """Unpack a file to a place where there is none yet; gzip inside gzip stays.
+    """Unpack a file to a place where there is none yet, or its first bytes where these are of no scene.
+
+    Gzip inside gzip stays.
 
     Raises
     ------
@@ -42,7 +48,7 @@ def unpack(packed: Path, place: Path, progress: Callable[[float], None]) -> None
     from isal import igzip, isal_zlib
 
     broken = gzip.BadGzipFile, EOFError, cast("type[Exception]", isal_zlib.error)
-    size, done = packed.stat().st_size, 0
+    size, done, name = packed.stat().st_size, 0, place.name.removesuffix(UNPACKED)
     most = MOST_TIMES * size + SLACK
     with packed.open("rb") as raw, place.open("xb") as file, igzip.open(raw) as stream:  # type: ignore[no-untyped-call]
         while True:
@@ -52,6 +58,10 @@ def unpack(packed: Path, place: Path, progress: Callable[[float], None]) -> None
                 raise CorruptFileError(packed, f"does not unpack: {error}; fetch it again", raw.tell()) from error
             if not piece:
                 return
+            keep_room(place, done)
+            if not done and len(piece) == PIECE_BYTES and not may_be_scene(piece[:HEAD_BYTES], name):
+                file.write(piece)
+                return  # the rest may be there to fill a disk
             done += len(piece)
             if done > most:
                 problem = (

@@ -7,12 +7,14 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from tsplat.errors import OptionError
+from tsplat.edit import join, keep_most_important
+from tsplat.given import whole
+from tsplat.lod.fit import fit
 from tsplat.lod.kd import kd_order
 from tsplat.lod.levels import Level, coarser, finest
 from tsplat.processors import available_processors
 from tsplat.rotations import quats_of
-from tsplat.scene import Gaussians
+from tsplat.scene import Gaussians, a_scene
 
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
@@ -40,25 +42,36 @@ def decimate(
     Returns
     -------
     Gaussians
-        In an order of space, not of the scene.
+        In an order of space, not of the scene; last those that are beyond all measure for it: up to a half of
+        ``count``, which are not merged.
 
     Raises
     ------
     OptionError
         ``count`` is below 1.
+    SceneError
+        The scene is none.
     """
-    if count < 1:
-        raise OptionError(f"count must be 1 or more, got {count}")
-    if len(gaussians) <= count:
+    count, threads = whole("count", count, 1), whole("threads", threads, 0, 1024)
+    if len(a_scene(gaussians)) <= count:
         return gaussians
     threads, progress = threads or available_processors(), progress or (lambda _: None)
+    found = fit(gaussians)
+    # Not so many that little of the scene would be left.
+    giants = keep_most_important(found.giants, max(count // 2, count - len(found.scene)))
+    merged = found.in_world(_merged(found.scene, count - len(giants), threads, progress))
+    progress(1.0)
+    return join([merged, giants]) if len(giants) else merged
+
+
+def _merged(gaussians: Gaussians, count: int, threads: int, progress: Callable[[float], None]) -> Gaussians:
+    if len(gaussians) <= count:
+        return gaussians
     level = finest(gaussians, kd_order(gaussians.means, threads), threads)
     while (left := len(level.means)) > 2 * count:
         level = coarser(level, threads)
         progress(1.0 - left / len(gaussians))
-    merged = _gaussians_of(coarser(level, threads, count), gaussians.antialiased)
-    progress(1.0)
-    return merged
+    return _gaussians_of(coarser(level, threads, count), gaussians.antialiased)
 
 
 def _gaussians_of(level: Level, antialiased: bool) -> Gaussians:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from tsplat.camera import Camera
+from tsplat.given import whole
 from tsplat.lod.cut import Cut
 from tsplat.lod.hierarchy import hierarchy
 from tsplat.lod.stored import Stored
 from tsplat.raster import rasterize, rasterize_blocks
 from tsplat.rendering import Rendering, RenderOptions
-from tsplat.scene import Gaussians
+from tsplat.scene import Gaussians, a_scene
 
 SPLATS_A_PIXEL = 2.5
 """Splats drawn for each pixel where nobody says how many: more of them are hardly seen."""
@@ -22,7 +23,7 @@ def rasterize_all(scene: Gaussians | Stored, camera: Camera, options: RenderOpti
     if isinstance(scene, Stored):
         scene.read_rest()
         return rasterize_blocks(scene.tree.scene, scene.finest, camera, options)
-    return rasterize(scene, camera, options)
+    return rasterize(a_scene(scene), camera, options)
 
 
 def rasterize_within(
@@ -49,6 +50,8 @@ def rasterize_within(
     Rendering
         As `tsplat.raster.rasterize` returns it.
     """
+    budget = whole("budget", budget, 0)
+    scene = scene if isinstance(scene, Stored) else a_scene(scene)
     if len(scene) <= budget and (isinstance(scene, Gaussians) or scene.complete):
         return rasterize_all(scene, camera, options)
     tree = scene.tree if isinstance(scene, Stored) else hierarchy(scene, options.worker_count)

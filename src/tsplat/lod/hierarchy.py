@@ -14,13 +14,14 @@ import numpy.typing as npt
 
 from tsplat._jit import kernel, part
 from tsplat._threads import FIRST_FREE, claim, new_team
+from tsplat.given import whole
 from tsplat.lod.kd import Order, kd_order
 from tsplat.lod.levels import Level, coarser, finest
 from tsplat.lod.merge_scratch import area
 from tsplat.lod.occlusion import solidity_of
 from tsplat.raster.prepare import BLOCK, BOUNDS, Prepared, Target, empty, pack_block
 from tsplat.raster.workers import on_threads
-from tsplat.scene import Gaussians
+from tsplat.scene import Gaussians, a_scene
 
 F32 = npt.NDArray[np.float32]
 I32 = npt.NDArray[np.int32]
@@ -94,6 +95,8 @@ def hierarchy(
     earlier : Hierarchy, optional
         Of the same scene, to be taken in place of building one.
     """
+    a_scene(gaussians)
+    threads = whole("threads", threads, 1, 1024)
     with _lock:
         found = _hierarchies.get(gaussians)
         if found is None:

@@ -10,8 +10,10 @@ from typing import BinaryIO
 import numpy as np
 import numpy.typing as npt
 
+from tsplat import given
 from tsplat.errors import CorruptFileError, LoadError
 from tsplat.framing import SAMPLE
+from tsplat.given import whole
 from tsplat.io import tsplat_file
 from tsplat.io.tsplat_header import Counts
 from tsplat.io.tsplat_map import Array, Mapped, open_mapped
@@ -19,7 +21,7 @@ from tsplat.lod.hierarchy import Hierarchy, binary_tree, build, level_firsts
 from tsplat.lod.kd import Order, kd_order
 from tsplat.raster.buffers import Buffers
 from tsplat.raster.prepare import Prepared
-from tsplat.scene import SH_COEFFICIENTS, Gaussians
+from tsplat.scene import SH_COEFFICIENTS, Gaussians, a_scene
 
 CHUNK = 1 << 16
 """Splats brought into order at a time."""
@@ -93,8 +95,11 @@ def open_stored(path: str | Path) -> Stored:
         What its header says contradicts itself or the size of the file. What else is wrong in it is seen in the
         picture; `tsplat.load` and `tsplat info` compare all of it with its checksums.
     """
-    path = Path(path)
+    path = given.path(path)
     try:
+        # Pipes and devices would keep a reader waiting.
+        if path.exists() and not path.is_file():
+            raise LoadError(path, "is a folder or a device, expected a .tsplat; give the path of one")
         mapped = open_mapped(path)
     except OSError as error:
         raise LoadError(path, f"cannot be read: {error.strerror or error}; check the path") from error
@@ -142,7 +147,8 @@ def store(file: BinaryIO, gaussians: Gaussians, threads: int, progress: Callable
     progress : callable
         Called with the fraction done.
     """
-    order = kd_order(gaussians.means, threads)
+    threads = whole("threads", threads, 1, 1024)
+    order = kd_order(a_scene(gaussians).means, threads)
     tree = build(gaussians, threads, lambda fraction: progress(BUILDING * fraction), order)
     write_tree(file, gaussians, tree, order)
     progress(1.0)
