@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,6 +14,12 @@ from tsplat.warmup import draw_tiny
 # A first call compiles kernels; time is no property worth failing for.
 settings.register_profile("tsplat", deadline=None)
 settings.load_profile("tsplat")
+
+# Whoever starts the tests may ignore these, as nohup and the background of shells do, and what we start would as well;
+# what is caught here is as usual there.
+for _number in (signal.SIGINT, getattr(signal, "SIGHUP", signal.SIGINT)):
+    if signal.getsignal(_number) is signal.SIG_IGN:
+        signal.signal(_number, lambda *_: None)
 
 GOLDENS = Path(__file__).parent / "goldens"
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable
 from struct import Struct
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Generic, NamedTuple, ParamSpec, TypeVar
 
 from tsplat._arguments import Known, Types, described, flat, flat_job, packing
 from tsplat._parts import JIT, PARTS, part
+from tsplat.locks import unforked_lock
 
 if TYPE_CHECKING:
     from tsplat._machine_code import Linked
@@ -19,7 +19,7 @@ __all__ = ["JIT", "Kernel", "Progress", "Work", "kernel", "part", "progress"]
 P = ParamSpec("P")
 Result = TypeVar("Result")
 
-_compiling = threading.RLock()
+_compiling = unforked_lock()
 
 
 class Progress(NamedTuple):

@@ -54,11 +54,14 @@ class LoadWarning(UserWarning):
     """Something in a file was dropped or mended while loading it; the text says what and how many."""
 
     def __init__(self, text: str) -> None:
-        super().__init__(_called(text))
+        super().__init__(printable(_called(text)))
 
 
 class TsplatError(Exception):
     """Base of every error raised on purpose; its text is one line, fit to be shown to a person."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(printable(text.replace("\n", " ")))
 
 
 class LoadError(TsplatError, ValueError):

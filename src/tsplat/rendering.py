@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from tsplat import images
 from tsplat.errors import OptionError
-from tsplat.processors import available_processors
+from tsplat.processors import worker_count
 from tsplat.train_views import TrainViews
 
 F32 = npt.NDArray[np.float32]
@@ -133,7 +133,7 @@ class RenderOptions:
     @property
     def worker_count(self) -> int:
         """Threads to use on this machine, at least 1."""
-        return self.threads or available_processors()
+        return worker_count(self.threads)
 
     def filter2d(self, focal: float) -> tuple[float, float]:
         """Return how the 2D covariances are widened for an image of this focal length in pixels.

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from tsplat.errors import OptionError
 from tsplat.lod.kd import kd_order
 from tsplat.lod.levels import Level, coarser, finest
-from tsplat.processors import available_processors
+from tsplat.processors import worker_count
 from tsplat.rotations import quats_of
 from tsplat.scene import Gaussians
 
@@ -51,7 +51,7 @@ def decimate(
         raise OptionError(f"count must be 1 or more, got {count}")
     if len(gaussians) <= count:
         return gaussians
-    threads, progress = threads or available_processors(), progress or (lambda _: None)
+    threads, progress = worker_count(threads), progress or (lambda _: None)
     level = finest(gaussians, kd_order(gaussians.means, threads), threads)
     while (left := len(level.means)) > 2 * count:
         level = coarser(level, threads)

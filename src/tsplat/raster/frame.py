@@ -145,8 +145,10 @@ def new_frame(
     height, width, buffers = camera.height, camera.width, scene.buffers
     size = width, height, options.worker_count, pairs, len(blocks)
     if scene.last_size != size:
-        scene.last_frame, scene.last_size = _frame_of_size(scene, *size), size
+        scene.last_size = ()  # Ctrl-C or a fork may come before all is of one size
+        scene.last_frame = _frame_of_size(scene, *size)
         scene.last_known = known(scene.last_frame[OWN:])
+        scene.last_size = size
     image = Image(
         width,
         height,
