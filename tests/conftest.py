@@ -15,8 +15,8 @@ from tsplat.warmup import draw_tiny
 settings.register_profile("tsplat", deadline=None)
 settings.load_profile("tsplat")
 
-# Whoever starts the tests may ignore these, as nohup and the background of shells do, and what we start would as well;
-# what is caught here is as usual there.
+# Whoever starts the tests may ignore these, as nohup and the background of shells do; what we start would, too.
+# What is caught here is as usual there.
 for _number in (signal.SIGINT, getattr(signal, "SIGHUP", signal.SIGINT)):
     if signal.getsignal(_number) is signal.SIG_IGN:
         signal.signal(_number, lambda *_: None)

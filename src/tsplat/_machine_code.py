@@ -66,7 +66,8 @@ def from_bytes(kept: bytes, name: str) -> MachineCode | None:
     word, _, object_file = body.partition(b"\n")
     result = word.decode(errors="replace")
     # LLVM ends the process where it is told to link anything else.
-    if result not in RESULTS or not llvm.ObjectFileRef.from_data(object_file):
+    known = result in RESULTS and ENTRY.encode() in object_file
+    if not known or not llvm.ObjectFileRef.from_data(object_file):
         return None
     return MachineCode(result, object_file)
 

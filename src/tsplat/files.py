@@ -75,6 +75,7 @@ def replacing(path: Path, *, private: bool = False) -> Iterator[BinaryIO]:
                 beside.replace(target)
         except BaseException:
             beside.unlink(missing_ok=True)
+            _unfinished.discard(beside)
             raise
         _unfinished.discard(beside)
     except TsplatError:

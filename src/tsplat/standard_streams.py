@@ -50,8 +50,9 @@ def open_closed_streams() -> None:
 class _Output:
     """A stream, or none, with one place for what goes wrong in writing to it."""
 
-    def __init__(self, stream: Any) -> None:
+    def __init__(self, stream: Any, errors: list[OSError] | None = None) -> None:
         self._stream = stream
+        self._errors = [] if errors is None else errors  # what failed once stays so, whoever was told of it
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
@@ -64,7 +65,7 @@ class _Output:
     @property
     def buffer(self) -> _Output:
         """The same for bytes."""
-        return type(self)(None if self._stream is None else self._stream.buffer)
+        return type(self)(None if self._stream is None else self._stream.buffer, self._errors)
 
     def isatty(self) -> bool:
         """Tell whether a terminal shows it."""
@@ -80,17 +81,19 @@ class _Output:
 
     def flush(self) -> None:
         """Have it written; a stream that is closed loses nothing of nothing."""
-        if self._stream is not None:
+        if self._stream is not None or self._errors:
             self._try("flush")
 
     def _try(self, method: str, *args: Any) -> Any:
         try:
             if self._stream is None:
                 raise OSError(errno.EBADF, "it is closed")
-            return getattr(self._stream, method)(*args)
+            if not self._errors:
+                return getattr(self._stream, method)(*args)
         except OSError as error:
+            self._errors.append(error)
             self._silence()
-            return self._failed(error)
+        return self._failed(self._errors[0])
 
     def _failed(self, error: OSError) -> None:
         if isinstance(error, BrokenPipeError):
