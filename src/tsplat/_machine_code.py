@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 import llvmlite.binding as llvm
 import numpy as np
 
+from tsplat import locks
 from tsplat._arguments import ENTRY_TYPE
-from tsplat.locks import unforked_lock
 
 ENTRY = "tsplat_entry"
 
@@ -39,7 +39,8 @@ HEADER_BYTES = len(MAGIC) + 8 + 32
 _engines: list[llvm.ExecutionEngine] = []
 """What holds machine code: as long as the process lives, for a thread may be running it when all else ends."""
 
-_lock = unforked_lock()
+_lock = locks.lock()
+locks.let_forks_wait(_lock)
 
 
 class MachineCode(NamedTuple):

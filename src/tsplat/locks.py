@@ -13,9 +13,6 @@ from weakref import WeakSet
 
 _free_in_children: WeakSet[Any] = WeakSet()
 
-_unforked: list[threading.RLock] = []
-"""In the order in which a thread takes them that takes several, which is the order in which they are made."""
-
 
 def lock() -> threading.RLock:
     """Return a lock that is free in a forked child, unless the thread that forked holds it."""
@@ -24,29 +21,20 @@ def lock() -> threading.RLock:
     return made
 
 
-def unforked_lock() -> threading.RLock:
-    """Return a lock for which a fork waits, for as long as the process lives; a thread may take it again."""
-    made = threading.RLock()
-    _unforked.append(made)
-    return made
+def let_forks_wait(held: threading.RLock) -> None:
+    """Let every fork wait for a lock, from now on.
 
-
-def _before_fork() -> None:
-    for each in _unforked:
-        each.acquire()
-
-
-def _after_fork() -> None:
-    for each in reversed(_unforked):
-        each.release()
+    Of several, the one that a thread takes first is the last to be given here, as forks begin with the last.
+    """
+    if hasattr(os, "register_at_fork"):
+        os.register_at_fork(before=held.acquire, after_in_parent=held.release, after_in_child=held.release)
 
 
 def _free() -> None:
     for each in list(_free_in_children):
         if not each._is_owned():
             each._at_fork_reinit()
-    _after_fork()
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(before=_before_fork, after_in_parent=_after_fork, after_in_child=_free)
+    os.register_at_fork(after_in_child=_free)
