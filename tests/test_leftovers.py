@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tsplat._leftovers import Owner, clear
+from tsplat._leftovers import Owner, clear, hold
 from tsplat.encode import handover
 from tsplat.encode.handover import Handover
 from tsplat.files import replacing
@@ -132,9 +132,7 @@ def test_a_file_that_was_taken_for_left_behind_is_made_again(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Between the making and the holding another process may look."""
-    from tsplat import files
-
-    hold, removed = files.hold, []
+    removed: list[bool] = []
 
     def late(descriptor: int, path: Path) -> bool:
         if not removed:
@@ -142,7 +140,7 @@ def test_a_file_that_was_taken_for_left_behind_is_made_again(
             removed.append(not path.exists())
         return hold(descriptor, path)
 
-    monkeypatch.setattr(files, "hold", late)
+    monkeypatch.setattr("tsplat.files.hold", late)
     with replacing(folder / "x") as file:
         file.write(b"whole")
     assert removed == [True]

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from tsplat import own_files
 from tsplat.own_files import is_private, make_private, read_own
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="each user's folders are their own")
@@ -99,5 +98,5 @@ def test_neither_pipes_nor_links_nor_folders_are_read_or_waited_for(folder: Path
 def test_a_file_of_somebody_else_is_not_read(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (folder / "x").write_bytes(b"content")
     mine = os.geteuid()
-    monkeypatch.setattr(own_files.os, "geteuid", lambda: mine + 1)
+    monkeypatch.setattr(os, "geteuid", lambda: mine + 1)
     assert read_own(folder / "x", 100) is None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from tests.raster.compare import front_camera
 from tests.scenes import random_gaussians
 from tsplat import images
 from tsplat.errors import OptionError, SaveError
+from tsplat.processors import FEW, available_processors
 from tsplat.rendering import BOX_VARIANCE, EPS2D, SOFTENING, Rendering, RenderOptions
 from tsplat.train_views import TrainViews
 
@@ -117,3 +119,17 @@ def test_a_written_picture_has_the_rights_of_any_new_file(tmp_path: Path) -> Non
     (tmp_path / "plain").touch()
     images.save(tmp_path / "a.png", np.zeros((2, 2, 3), np.float32), np.zeros((2, 2), np.float32))
     assert (tmp_path / "a.png").stat().st_mode == (tmp_path / "plain").stat().st_mode
+
+
+def test_more_threads_than_are_of_use_are_not_started() -> None:
+    assert RenderOptions(threads=0).worker_count == available_processors()
+    assert [RenderOptions(threads=number).worker_count for number in (1, 2, FEW)] == [1, 2, FEW]
+    assert RenderOptions(threads=1024).worker_count == min(1024, max(available_processors(), FEW))
+
+
+@pytest.mark.usefixtures("compiled")
+def test_a_thousand_threads_draw_the_same_picture() -> None:
+    scene = random_gaussians(np.random.default_rng(0), 500, sh_degree=1)
+    pictures = [tsplat.render(scene, front_camera(), threads=threads).colors for threads in (1, 1024)]
+    np.testing.assert_array_equal(*pictures)
+    assert threading.active_count() < available_processors() + FEW + 10

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tsplat import cli
+from tsplat import __version__, cli
 
 pytestmark = [
     pytest.mark.usefixtures("compiled"),
@@ -70,7 +70,7 @@ def test_where_errors_cannot_be_said_the_status_tells_them_and_output_is_as_ever
     done = shell("info none.ply", redirected, tmp_path)
     assert (done.returncode, done.stderr, done.stdout) == (2, "", "")
     done = shell("--version", redirected, tmp_path)
-    assert (done.returncode, done.stderr, done.stdout) == (0, "", f"tsplat {cli.__version__}\n")
+    assert (done.returncode, done.stderr, done.stdout) == (0, "", f"tsplat {__version__}\n")
 
 
 @pytest.mark.parametrize("redirected", [">/dev/full 2>/dev/full", ">&- 2>&-", "<&- >&- 2>&-"])
