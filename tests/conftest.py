@@ -17,9 +17,9 @@ settings.load_profile("tsplat")
 
 # Whoever starts the tests may ignore these, as nohup and the background of shells do; what we start would, too.
 # What is caught here is as usual there.
-for _number in (signal.SIGINT, getattr(signal, "SIGHUP", signal.SIGINT)):
-    if signal.getsignal(_number) is signal.SIG_IGN:
-        signal.signal(_number, lambda *_: None)
+for _name in ("SIGINT", "SIGHUP", "SIGTERM", "SIGQUIT", "SIGTSTP"):
+    if signal.getsignal(getattr(signal, _name, signal.SIGINT)) is signal.SIG_IGN:
+        signal.signal(getattr(signal, _name), lambda *_: None)
 
 GOLDENS = Path(__file__).parent / "goldens"
 

@@ -61,8 +61,10 @@ def left(folder: Path) -> dict[str, bytes]:
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize(
+    ("command", "number"),
+    [*((command, signal.SIGTERM) for command in COMMANDS), ("convert", signal.SIGHUP), ("render", signal.SIGHUP)],
+)
 def test_a_command_that_is_ended_leaves_nothing_behind(folder: Path, command: str, number: signal.Signals) -> None:
     before = left(folder)
     process = waiting(COMMANDS[command], folder)

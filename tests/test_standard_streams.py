@@ -49,9 +49,12 @@ def shell(command: str, redirected: str, folder: Path) -> subprocess.CompletedPr
     )
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+FULL, CLOSED = (">/dev/full", "No space left on device\n"), (">&-", "it is closed\n")
+
+
 @pytest.mark.parametrize(
-    ("redirected", "why"), [(">/dev/full", "No space left on device\n"), (">&-", "it is closed\n")]
+    ("command", "redirected", "why"),
+    [*((command, *FULL) for command in COMMANDS), *((command, *CLOSED) for command in list(COMMANDS)[1::4])],
 )
 def test_output_that_fails_is_one_line_and_status_2_and_what_was_written_is_whole(
     command: str, redirected: str, why: str, tmp_path: Path
