@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,6 +14,12 @@ from tsplat.warmup import draw_tiny
 # A first call compiles kernels; time is no property worth failing for.
 settings.register_profile("tsplat", deadline=None)
 settings.load_profile("tsplat")
+
+# Whoever starts the tests may ignore these, as nohup and the background of shells do; what we start would, too.
+# What is caught here is as usual there.
+for _name in ("SIGINT", "SIGHUP", "SIGTERM", "SIGQUIT", "SIGTSTP"):
+    if signal.getsignal(getattr(signal, _name, signal.SIGINT)) is signal.SIG_IGN:
+        signal.signal(getattr(signal, _name), lambda *_: None)
 
 GOLDENS = Path(__file__).parent / "goldens"
 

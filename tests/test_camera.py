@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import numpy as np
@@ -204,3 +205,50 @@ def test_another_up_keeps_eye_and_target(pose: Pose, up: Any) -> None:
 def test_yaw_zero_looks_along_z_where_up_is_minus_y() -> None:
     np.testing.assert_allclose(Pose((0, 0, 0), 0.0, 0.0, 1.0).forward, [0, 0, 1], atol=1e-12)
     np.testing.assert_allclose(Pose((0, 0, 0), 0.0, 0.0, 1.0).right, [1, 0, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("changed", "expected"),
+    [
+        ({"width": np.int64(64), "height": np.uint16(48), "fov_y": np.float32(40.0)}, None),
+        ({"width": np.array(64)}, None),
+        ({"width": 64.0}, "width must be a whole number, 1 to 16384, got 64.0"),
+        ({"height": "48"}, "height must be a whole number, 1 to 16384, got '48'"),
+        ({"height": 0}, "height must be 1 to 16384, got 0"),
+        ({"fov_y": None}, "fov_y must be degrees, got None"),
+        ({"fov_y": 1e-320}, "fov_y must be between 0 and 180 degrees"),
+        ({"eye": "origin"}, "eye must be three finite numbers, got 'origin'"),
+        ({"eye": [0, 0]}, "eye must be three finite numbers, got [0, 0]"),
+        ({"target": [[0, 0], [0]]}, "target must be three finite numbers"),
+        ({"up": np.zeros(3)}, "up must be three finite numbers, not all zero"),
+    ],
+)
+def test_a_camera_takes_numbers_of_any_kind_and_says_what_else_it_was_given(
+    changed: dict[str, object], expected: str | None
+) -> None:
+    usual = {"eye": (0, 0, -4), "target": (0, 0, 0), "up": (0, -1, 0), "width": 64, "height": 48, "fov_y": 40.0}
+    if expected is None:
+        found = Camera.look_at(**{**usual, **changed})
+        assert (type(found.width), type(found.height)) == (int, int)
+        assert np.allclose(found.K, Camera.look_at(**usual).K)
+    else:
+        with pytest.raises(CameraError, match=re.escape(expected)):
+            Camera.look_at(**{**usual, **changed})
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "expected"),
+    [
+        ("K", [[90, 0.5, 32], [0, 90, 24], [0, 0, 1]], "no skew"),
+        ("K", [[90, 0, 0], [0, 90, 0], [32, 24, 1]], "transposed"),
+        ("viewmat", np.eye(4) + np.eye(4, k=-3), "transposed"),
+        ("K", "wide", "K must be finite with shape [3, 3], got 'wide'"),
+        ("viewmat", [[1, 2], [3]], "viewmat must be finite with shape [4, 4]"),
+        ("viewmat", None, "viewmat must be finite with shape [4, 4], got None"),
+    ],
+)
+def test_matrices_that_are_no_cameras_are_refused(name: str, value: object, expected: str) -> None:
+    usual = {"viewmat": np.eye(4), "K": [[90, 0, 32], [0, 90, 24], [0, 0, 1]], "width": 64, "height": 48}
+    Camera(**usual)
+    with pytest.raises(CameraError, match=re.escape(expected)):
+        Camera(**{**usual, name: value})

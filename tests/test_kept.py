@@ -121,6 +121,46 @@ def test_files_of_ended_processes_go_when_room_is_made() -> None:
     assert not old.exists()
 
 
+def _pipe(file: Path) -> None:
+    file.unlink()
+    os.mkfifo(file)
+
+
+def _link(file: Path) -> None:
+    file.rename(file.with_name("moved"))
+    file.symlink_to("moved")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pipes and modes are POSIX'")
+@pytest.mark.parametrize(
+    "damage",
+    [_pipe, _link, lambda file: file.chmod(0o666), lambda file: file.parent.chmod(0o777)],
+    ids=["pipe", "link", "for all to write", "folder for all to write"],
+)
+def test_what_a_stranger_may_have_put_there_is_as_good_as_none(damage: Callable[[Path], None]) -> None:
+    assert kept.keep("a", 1, writing(1))
+    path = kept.recalled("a")
+    assert path
+    damage(path)
+    assert kept.recalled("a") is None
+    assert [entry for entry in kept.entries() if not entry.path.is_file()] == []
+
+
+@pytest.mark.skipif(os.name != "posix", reason="modes are POSIX'")
+def test_nothing_is_kept_where_others_write() -> None:
+    kept.folder().mkdir(parents=True)
+    kept.folder().chmod(0o777)
+    assert not kept.keep("a", 1, writing(1))
+    assert list(kept.folder().iterdir()) == []
+
+
+@pytest.mark.skipif(os.name != "posix", reason="modes are POSIX'")
+def test_what_is_kept_is_for_nobody_else_to_see() -> None:
+    assert kept.keep("a", 1, writing(1))
+    assert (kept.folder() / "a.tsplat").stat().st_mode & 0o777 == 0o600
+    assert kept.folder().stat().st_mode & 0o777 == 0o700
+
+
 def test_clearing_removes_all_but_what_is_not_ours() -> None:
     assert kept.keep("a", 1, writing(1))
     (kept.folder() / ".b.tsplat.1.part").write_bytes(b"x")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +15,8 @@ import tsplat
 from tests.raster.compare import front_camera
 from tests.scenes import random_gaussians
 from tsplat import images
-from tsplat.errors import OptionError, SaveError
+from tsplat.errors import OptionError, SaveError, TsplatError
+from tsplat.processors import FEW, available_processors
 from tsplat.rendering import BOX_VARIANCE, EPS2D, SOFTENING, Rendering, RenderOptions
 from tsplat.train_views import TrainViews
 
@@ -27,7 +29,16 @@ from tsplat.train_views import TrainViews
         {"antialias": "best"},
         {"background": (0, 0)},
         {"background": (0, 0, float("nan"))},
+        {"background": "black"},
+        {"sh_degree": 2.5},
         {"threads": -1},
+        {"threads": "2"},
+        {"memory": -1},
+        {"memory": 1e9},
+        {"train_views": (1, 2)},
+        {"eps2d": None},
+        {"near_plane": "near"},
+        {"antialias": ["mip"]},
         {"train_focal": 0.0},
         {"train_focal": 1e-200},
         {"near_plane": 0.0},
@@ -40,6 +51,27 @@ from tsplat.train_views import TrainViews
 def test_an_impossible_option_is_refused_by_name(wrong: dict[str, object]) -> None:
     with pytest.raises(OptionError, match=next(iter(wrong))):
         RenderOptions(**wrong)
+
+
+def test_options_of_numpys_types_are_those_of_pythons() -> None:
+    options = RenderOptions(
+        sh_degree=np.int64(2), threads=np.uint8(3), eps2d=np.float32(0.5), background=np.ones(3)
+    )
+    assert options == RenderOptions(sh_degree=2, threads=3, eps2d=0.5, background=(1.0, 1.0, 1.0))
+    assert [type(value) for value in (options.sh_degree, options.threads, options.eps2d)] == [int, int, float]
+
+
+def test_what_is_no_scene_no_camera_or_no_option_is_refused_in_one_line() -> None:
+    scene, camera = random_gaussians(np.random.default_rng(0), 3), front_camera()
+    for args, options, expected in (
+        (("garden.ply", camera), {}, "garden.ply"),
+        ((None, camera), {}, "None"),
+        ((scene, np.eye(4)), {}, "camera must be a tsplat.Camera, got"),
+        ((scene, camera), {"sh_degre": 2}, "there is no option 'sh_degre'"),
+        ((scene, camera), {"lod": "all"}, "lod must be a whole number, 1 or more, got 'all'"),
+    ):
+        with pytest.raises(TsplatError, match=expected):
+            tsplat.render(*args, **options)
 
 
 def test_relative_dilates_with_the_image_and_adds_the_box_it_grew_by() -> None:
@@ -118,3 +150,17 @@ def test_a_written_picture_has_the_rights_of_any_new_file(tmp_path: Path) -> Non
     (tmp_path / "plain").touch()
     images.save(tmp_path / "a.png", np.zeros((2, 2, 3), np.float32), np.zeros((2, 2), np.float32))
     assert (tmp_path / "a.png").stat().st_mode == (tmp_path / "plain").stat().st_mode
+
+
+def test_more_threads_than_are_of_use_are_not_started() -> None:
+    assert RenderOptions(threads=0).worker_count == available_processors()
+    assert [RenderOptions(threads=number).worker_count for number in (1, 2, FEW)] == [1, 2, FEW]
+    assert RenderOptions(threads=1024).worker_count == min(1024, max(available_processors(), FEW))
+
+
+@pytest.mark.usefixtures("compiled")
+def test_a_thousand_threads_draw_the_same_picture() -> None:
+    scene = random_gaussians(np.random.default_rng(0), 500, sh_degree=1)
+    pictures = [tsplat.render(scene, front_camera(), threads=threads).colors for threads in (1, 1024)]
+    np.testing.assert_array_equal(*pictures)
+    assert threading.active_count() < available_processors() + FEW + 10

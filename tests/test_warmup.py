@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from tsplat import _kernel_cache, progress, warmup
+from tsplat import _kernel_cache, progress, warmup, warmup_process
 from tsplat._jit import JIT, Progress
 from tsplat.raster.draw import draw
 from tsplat.warmup import WarmUp
@@ -133,7 +133,7 @@ print(asked)
 @pytest.mark.usefixtures("compiled")
 def test_beside_draw_nothing_is_left_to_compile_after_the_second_process(tmp_path: Path) -> None:
     other = dict(os.environ, NUMBA_CACHE_DIR=str(tmp_path))
-    subprocess.run([sys.executable, "-m", "tsplat.warmup_process"], env=other, timeout=DEADLINE, check=True)
+    subprocess.run([sys.executable, *warmup_process.command()], env=other, timeout=DEADLINE, check=True)
     (folder,) = tmp_path.iterdir()
     ours = _kernel_cache.cache_folder()
     assert ours
@@ -198,7 +198,7 @@ while not pathlib.Path({str(told)!r}).exists() and time.monotonic() < end:
     assert not told.exists()
     run([sys.executable, "-c", code.format(processors=2, seconds=DEADLINE)])
     process, *command = told.read_text().split()
-    assert command == ["-m", "tsplat.warmup_process"]
+    assert command[:2] == ["-I", "-c"]
     end = time.monotonic() + DEADLINE
     while is_running(int(process)) and time.monotonic() < end:
         time.sleep(0.01)

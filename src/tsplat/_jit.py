@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable
+from functools import lru_cache
 from struct import Struct
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, ParamSpec, TypeVar
 
+from tsplat import locks
 from tsplat._arguments import Known, Types, described, flat, flat_job, packing
 from tsplat._parts import JIT, PARTS, part
 
@@ -19,7 +20,7 @@ __all__ = ["JIT", "Kernel", "Progress", "Work", "kernel", "part", "progress"]
 P = ParamSpec("P")
 Result = TypeVar("Result")
 
-_compiling = threading.RLock()
+_compiling = locks.lock()
 
 
 class Progress(NamedTuple):
@@ -139,6 +140,7 @@ class Kernel(Generic[P, Result]):
         return found
 
     def _compiled(self, types: Types, args: tuple[Any, ...]) -> _Code:
+        _let_forks_wait()
         from tsplat._compiler import compile_kernel  # brings in Numba
         from tsplat._kernel_cache import keep, place
 
@@ -153,6 +155,13 @@ class Kernel(Generic[P, Result]):
 
         found = self.codes[types] = _Code(packing(types), linked(code))
         return found
+
+
+@lru_cache(maxsize=1)
+def _let_forks_wait() -> None:
+    import logging  # noqa: F401  # which has forks wait as well, and Numba logs: it has to come before
+
+    locks.let_forks_wait(_compiling)
 
 
 def kernel(function: Callable[P, Result]) -> Kernel[P, Result]:

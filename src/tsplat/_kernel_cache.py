@@ -24,16 +24,20 @@ import platformdirs
 from tsplat._machine_code import MachineCode, from_bytes, processor, to_bytes
 from tsplat.errors import SaveError
 from tsplat.files import replacing
+from tsplat.own_files import is_private, make_private, read_own
 
 NOT_COMPILED = frozenset(
     {"bench", "cache", "convert", "doctor", "info", "io", "optimize", "record", "terminal", "viewer"}
     | {"arguments.py", "cli.py", "drawing.py", "export.py", "kept.py", "options.py", "progress.py"}
-    | {"warmup.py", "warmup_process.py"}
+    | {"standard_streams.py", "temporary.py", "warmup.py", "warmup_process.py"}
 )
 """What no kernel can see, because the layers forbid it: editing these compiles nothing again."""
 
 KEPT_SECONDS = 30 * 24 * 3600.0
 """How long the machine code of another version stays; it is compiled again if that comes back."""
+
+LARGEST = 1 << 26
+"""Bytes of machine code that are read; `draw` takes a quarter of a megabyte."""
 
 PACKAGE = Path(__file__).parent
 
@@ -68,9 +72,10 @@ def _text_of(code: CodeType) -> str:
 
 
 def kept(file: Path | None) -> MachineCode | None:
-    """Return the machine code in a file; None where there is none, or not all of it."""
+    """Return the machine code in a file; None where there is none, or not all of it, or somebody else's."""
     with suppress(OSError):
-        return from_bytes(file.read_bytes()) if file else None
+        content = read_own(file, LARGEST) if file else None
+        return from_bytes(content, file.name) if file and content else None
     return None
 
 
@@ -78,28 +83,32 @@ def keep(file: Path | None, code: MachineCode) -> None:
     """Write machine code to a file, where that is possible."""
     with suppress(SaveError):
         if file:
-            with replacing(file) as out:
-                out.write(to_bytes(code))
+            with replacing(file, private=True) as out:
+                out.write(to_bytes(code, file.name))
 
 
 @lru_cache(maxsize=1)
 def cache_folder() -> Path | None:
-    """Return the folder for machine code, or None where no such folder can be written."""
+    """Return the folder for machine code, or None where this user cannot write to one, or others can.
+
+    Whoever could write to it could have this process run anything.
+    """
     chosen = os.environ.get("NUMBA_CACHE_DIR") or platformdirs.user_cache_dir("tsplat")
-    folder = Path(chosen) / f"kernels-{source_digest(PACKAGE)}"
+    folder = Path(os.path.realpath(chosen)) / f"kernels-{source_digest(PACKAGE)}"
     try:
-        if not folder.is_dir():
-            folder.mkdir(parents=True, exist_ok=True)
+        is_new = not folder.is_dir()
+        make_private(folder)
+        if is_new:
             _remove_old(folder.parent)
     except OSError:
         return None
-    return folder if os.access(folder, os.W_OK) else None
+    return folder if os.access(folder, os.W_OK) and is_private(folder) else None
 
 
 def _remove_old(parent: Path) -> None:
     """Remove the folders of versions for which nothing was compiled in a long time."""
     for folder in parent.glob("kernels-*"):
-        if time.time() - folder.stat().st_mtime > KEPT_SECONDS:
+        if is_private(folder) and time.time() - folder.stat().st_mtime > KEPT_SECONDS:
             shutil.rmtree(folder, ignore_errors=True)
 
 

@@ -7,8 +7,7 @@ arguments, as `tsplat._arguments` packs them, and of a place for the result; it 
 from __future__ import annotations
 
 import ctypes
-import threading
-import zlib
+import hashlib
 from collections.abc import Callable
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -16,6 +15,7 @@ from typing import Any, NamedTuple
 import llvmlite.binding as llvm
 import numpy as np
 
+from tsplat import locks
 from tsplat._arguments import ENTRY_TYPE
 
 ENTRY = "tsplat_entry"
@@ -32,10 +32,15 @@ RESULTS: dict[str, tuple[Any, Callable[[Any], Any]]] = {
 BEYOND = "a kernel looked beyond the end of an array"
 """What an entry says by any number but 0."""
 
+MAGIC = b"tsplat machine code\n"
+HEADER_BYTES = len(MAGIC) + 8 + 32
+"""The magic bytes, the length of what follows, and its SHA-256 together with the name."""
+
 _engines: list[llvm.ExecutionEngine] = []
 """What holds machine code: as long as the process lives, for a thread may be running it when all else ends."""
 
-_lock = threading.Lock()
+_lock = locks.lock()
+locks.let_forks_wait(_lock)
 
 
 class MachineCode(NamedTuple):
@@ -45,19 +50,31 @@ class MachineCode(NamedTuple):
     object_file: bytes
 
 
-def to_bytes(code: MachineCode) -> bytes:
-    """Return machine code as bytes that say whether they are whole."""
+def to_bytes(code: MachineCode, name: str) -> bytes:
+    """Return machine code as bytes that say whether they are whole, and whether they were kept under this name."""
     body = code.result.encode() + b"\n" + code.object_file
-    return zlib.crc32(body).to_bytes(4, "little") + body
+    return MAGIC + len(body).to_bytes(8, "little") + _digest(name, body) + body
 
 
-def from_bytes(kept: bytes) -> MachineCode | None:
-    """Return what `to_bytes` made bytes of, or None where some are missing or others."""
-    checksum, body = kept[:4], kept[4:]
-    if zlib.crc32(body).to_bytes(4, "little") != checksum:
+def from_bytes(kept: bytes, name: str) -> MachineCode | None:
+    """Return what `to_bytes` made bytes of; None where that were others, or another name, or no object file.
+
+    It tells what was damaged or mixed up. Who writes a file on purpose can have anything run: see `own_files`.
+    """
+    body = kept[HEADER_BYTES:]
+    if kept[:HEADER_BYTES] != MAGIC + len(body).to_bytes(8, "little") + _digest(name, body):
         return None
-    result, _, object_file = body.partition(b"\n")
-    return MachineCode(result.decode(), object_file)
+    word, _, object_file = body.partition(b"\n")
+    result = word.decode(errors="replace")
+    # LLVM ends the process where it is told to link anything else.
+    known = result in RESULTS and ENTRY.encode() in object_file
+    if not known or not llvm.ObjectFileRef.from_data(object_file):
+        return None
+    return MachineCode(result, object_file)
+
+
+def _digest(name: str, body: bytes) -> bytes:
+    return hashlib.sha256(name.encode() + b"\n" + body).digest()
 
 
 class Linked(NamedTuple):

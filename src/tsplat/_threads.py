@@ -7,13 +7,13 @@ for long lets others use its processor.
 
 from __future__ import annotations
 
-import threading
 import time
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from tsplat import locks
 from tsplat._arguments import ENTRY_TYPE
 from tsplat._parts import part
 
@@ -33,7 +33,7 @@ def new_team(counters: int) -> npt.NDArray[np.int64]:
     return np.zeros(FIRST_FREE + 8 * counters, np.int64)
 
 
-_lock = threading.Lock()
+_lock = locks.lock()
 
 
 def claim(team: Any, place: int) -> int:

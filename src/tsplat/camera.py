@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from tsplat.errors import CameraError
+from tsplat.errors import CameraError, shown
+from tsplat.given import numbers, real, triple, whole
 
 F64 = npt.NDArray[np.float64]
 Vector = tuple[float, float, float]
@@ -51,16 +52,15 @@ class Camera:
 
     def __post_init__(self) -> None:
         for name, shape in (("viewmat", (4, 4)), ("K", (3, 3))):
-            matrix = np.array(getattr(self, name), np.float64)
-            if matrix.shape != shape or not np.isfinite(matrix).all():
-                raise CameraError(f"{name} must be finite with shape {list(shape)}, got {matrix.tolist()}")
-            matrix.flags.writeable = False
-            object.__setattr__(self, name, matrix)
+            object.__setattr__(self, name, _matrix(name, getattr(self, name), shape))
         for name in ("width", "height"):
-            if not 1 <= getattr(self, name) <= MAX_SIDE:
-                raise CameraError(f"{name} must be 1 to {MAX_SIDE} pixels, got {getattr(self, name)}")
+            object.__setattr__(self, name, _side(name, getattr(self, name)))
         if not (self.K[0, 0] > 0 and self.K[1, 1] > 0):
             raise CameraError(f"focal lengths must be positive, got {self.K[0, 0]} and {self.K[1, 1]}")
+        if self.K[0, 1] or self.K[1, 0]:
+            raise CameraError(f"K must have no skew, 0 beside fx and fy, got {self.K[0, 1]} and {self.K[1, 0]}")
+        if self.K[2].tolist() != [0.0, 0.0, 1.0] or self.viewmat[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
+            raise CameraError("the last row of K must be 0 0 1, of viewmat 0 0 0 1; is one of them transposed?")
         rotation = self.viewmat[:3, :3]
         if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-4) or np.linalg.det(rotation) < 0:
             raise CameraError("viewmat must hold a rotation: orthonormal, not mirrored; check its axes and scale")
@@ -99,14 +99,15 @@ class Camera:
         CameraError
             ``eye`` equals ``target``, or a size or angle is out of range.
         """
-        forward = _unit(np.subtract(target, eye, dtype=np.float64), "target - eye")
-        right = np.cross(forward, _unit(np.asarray(up, np.float64), "up"))
+        place = triple("eye", eye, error=CameraError)
+        forward = _unit(triple("target", target, error=CameraError) - place, "target - eye")
+        right = np.cross(forward, _unit(triple("up", up, error=CameraError), "up"))
         if np.linalg.norm(right) < 1e-6:
             right = np.cross(forward, _any_perpendicular(forward))
         right /= np.linalg.norm(right)
         rotation = np.stack([right, np.cross(forward, right), forward])
         viewmat = np.eye(4)
-        viewmat[:3, :3], viewmat[:3, 3] = rotation, -rotation @ np.asarray(eye, np.float64)
+        viewmat[:3, :3], viewmat[:3, 3] = rotation, -rotation @ place
         return cls(viewmat, intrinsics(width, height, fov_y), width, height)
 
     @property
@@ -123,6 +124,7 @@ class Camera:
 
     def resized(self, width: int, height: int) -> Camera:
         """Return the same view sampled at another size; the field of view stretches with the sides."""
+        width, height = _side("width", width), _side("height", height)
         scale = np.diag([width / self.width, height / self.height, 1.0])
         return Camera(self.viewmat, scale @ self.K, width, height)
 
@@ -155,9 +157,9 @@ class Pose:
     @classmethod
     def look_at(cls, eye: Point, target: Point, up: Point) -> Pose:
         """Return the pose at ``eye`` whose target is ``target``."""
-        ray = np.subtract(target, eye, dtype=np.float64)
+        ray = triple("target", target, error=CameraError) - triple("eye", eye, error=CameraError)
         forward = _unit(ray, "target - eye")
-        axis = _unit(np.asarray(up, np.float64), "up")
+        axis = _unit(triple("up", up, error=CameraError), "up")
         ahead, aside = _level_axes(axis)
         yaw = math.atan2(float(forward @ aside), float(forward @ ahead))
         pitch = math.asin(max(-1.0, min(1.0, float(forward @ axis))))
@@ -215,9 +217,12 @@ class Pose:
 
 def intrinsics(width: int, height: int, fov_y: float) -> F64:
     """Return K, float64 [3, 3], for square pixels, a centred principal point and ``fov_y`` in degrees."""
-    if not 0.0 < fov_y < 180.0:
+    width, height = _side("width", width), _side("height", height)
+    fov_y = real("fov_y", fov_y, "degrees", error=CameraError)
+    half = math.tan(0.5 * math.radians(fov_y)) if 0.0 < fov_y < 180.0 else 0.0
+    if half == 0.0:  # which also the tangent of the smallest numbers is
         raise CameraError(f"fov_y must be between 0 and 180 degrees, got {fov_y}")
-    focal = 0.5 * height / math.tan(0.5 * math.radians(fov_y))
+    focal = 0.5 * height / half
     return np.array([[focal, 0.0, 0.5 * width], [0.0, focal, 0.5 * height], [0.0, 0.0, 1.0]])
 
 
@@ -238,8 +243,22 @@ def _clamped(pitch: float) -> float:
     return max(-PITCH_LIMIT, min(PITCH_LIMIT, pitch))
 
 
+def _side(name: str, pixels: object) -> int:
+    return whole(name, pixels, 1, MAX_SIDE, CameraError)
+
+
+def _matrix(name: str, values: object, shape: tuple[int, int]) -> F64:
+    """Return a read-only copy of a finite matrix of this shape."""
+    array = numbers(values, "iuf")
+    if array is None or array.shape != shape or not np.isfinite(array).all():
+        raise CameraError(f"{name} must be finite with shape {list(shape)}, got {shown(values)}")
+    matrix = array.astype(np.float64)
+    matrix.flags.writeable = False
+    return matrix
+
+
 def _unit(vector: F64, name: str) -> F64:
-    length = float(np.linalg.norm(vector)) if vector.shape == (3,) else math.nan
+    length = float(np.linalg.norm(vector))
     if not (length > 0.0 and math.isfinite(length)):
         raise CameraError(f"{name} must be three finite numbers, not all zero, got {vector.tolist()}")
     return vector / length

@@ -5,7 +5,6 @@ Anything slow to import is imported by the command that needs it: ``--help`` and
 
 from __future__ import annotations
 
-import contextlib
 import os
 import sys
 import warnings
@@ -22,12 +21,14 @@ from tsplat.convert.command import convert
 from tsplat.doctor.command import doctor
 from tsplat.drawing import draw_all, framed_by
 from tsplat.encode import ENCODERS, FALLBACK_CELL, PICTURES
-from tsplat.errors import LoadWarning, OptionError, TsplatError
+from tsplat.errors import LoadWarning, OptionError, TsplatError, printable
+from tsplat.files import tidy_end
 from tsplat.info.command import info
 from tsplat.optimize.command import optimize
 from tsplat.options import READING, open_scene, reading, render_options, shared, was_said
 from tsplat.progress import wait_for_kernels
 from tsplat.record.command import record
+from tsplat.standard_streams import standard_streams
 from tsplat.warmup import WarmUp
 
 if TYPE_CHECKING:
@@ -42,11 +43,13 @@ PRINTED_COLUMNS, ROWS_PER_COLUMN = 80, 0.3
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit status: 0, 2 after an error, 130 after Ctrl-C."""
-    with warnings.catch_warnings():
+    with tidy_end(), standard_streams(), warnings.catch_warnings():
         warnings.simplefilter("always", LoadWarning)
         warnings.showwarning = _show_warning
         try:
-            return command.main(args, prog_name="tsplat", standalone_mode=False) or 0
+            status = command.main(args, prog_name="tsplat", standalone_mode=False) or 0
+            sys.stdout.flush()
+            return status
         except click.Abort:
             return 130
         except click.UsageError as error:
@@ -54,6 +57,8 @@ def main(args: Sequence[str] | None = None) -> int:
             return _fail(f"{error.format_message().rstrip('.')}; see '{context} --help'")
         except (click.ClickException, TsplatError) as error:
             return _fail(error.format_message() if isinstance(error, click.ClickException) else str(error))
+        except BrokenPipeError:
+            return 1  # the reader has seen enough
         except Exception as error:
             if not _interrupted(error):
                 raise
@@ -68,13 +73,12 @@ def _interrupted(error: BaseException | None) -> bool:
 
 
 def _fail(text: str) -> int:
-    with contextlib.suppress(OSError):  # the terminal it would be said on may be what is gone
-        print(f"tsplat: {' '.join(text.split())}", file=sys.stderr, flush=True)
+    print(f"tsplat: {printable(' '.join(text.split()))}", file=sys.stderr, flush=True)
     return 2
 
 
 def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
-    print(f"tsplat: warning: {' '.join(str(message).split())}", file=sys.stderr)
+    print(f"tsplat: warning: {printable(' '.join(str(message).split()))}", file=sys.stderr)
 
 
 @click.group(cls=ViewByDefault, context_settings={"help_option_names": ["-h", "--help"]}, options_metavar="",
@@ -156,7 +160,7 @@ def render(scene: str, output: str, width: int, height: int, **options: Any) -> 
     milliseconds = sum(rendering.stage_ms.values())
     path = rendering.save(output)
     splats = f"{rendering.visible:,} of {len(gaussians):,} splats"
-    print(f"{path}: {width} x {height}, {splats}, rendered in {milliseconds:.0f} ms", flush=True)
+    print(f"{printable(str(path))}: {width} x {height}, {splats}, rendered in {milliseconds:.0f} ms", flush=True)
 
 
 command.add_command(info)

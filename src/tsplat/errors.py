@@ -102,6 +102,9 @@ class LoadWarning(UserWarning):
 class TsplatError(Exception):
     """Base of every error raised on purpose; its text is one line, fit to be shown to a person."""
 
+    def __init__(self, text: str) -> None:
+        super().__init__(printable(text.replace("\n", " ")))
+
 
 class LoadError(TsplatError, ValueError):
     """A file cannot be read as what it was asked to be.

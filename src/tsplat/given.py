@@ -1,4 +1,7 @@
-"""What callers hand over: numbers of Python's or NumPy's are taken, all else is one line that shows it."""
+"""What callers hand over: numbers of Python's or NumPy's are taken, all else is one line that shows it.
+
+A function whose callers expect another ``error`` than `OptionError` says so.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +14,15 @@ from typing import Any, TypeVar, cast
 import numpy as np
 import numpy.typing as npt
 
-from tsplat.errors import LoadError, OptionError, shown
+from tsplat.errors import LoadError, OptionError, TsplatError, shown
 
 Call = TypeVar("Call", bound=Callable[..., Any])
 F64 = npt.NDArray[np.float64]
 
 
-def whole(name: str, value: object, low: int, high: int | None = None) -> int:
+def whole(
+    name: str, value: object, low: int, high: int | None = None, error: type[TsplatError] = OptionError
+) -> int:
     """Return a whole number from ``low`` to ``high``, or as large as it likes.
 
     Raises
@@ -29,11 +34,17 @@ def whole(name: str, value: object, low: int, high: int | None = None) -> int:
     if number is None or number < low or (high is not None and number > high):
         expected = f"{low} {'or more' if high is None else f'to {high}'}"
         kind = "a whole number, " if number is None else ""
-        raise OptionError(f"{name} must be {kind}{expected}, got {shown(value)}")
+        raise error(f"{name} must be {kind}{expected}, got {shown(value)}")
     return int(number)
 
 
-def real(name: str, value: object, expected: str = "a number", low: float = -math.inf) -> float:
+def real(
+    name: str,
+    value: object,
+    expected: str = "a number",
+    low: float = -math.inf,
+    error: type[TsplatError] = OptionError,
+) -> float:
     """Return a number that is at least ``low``; infinite ones are, nan is none.
 
     Raises
@@ -43,11 +54,11 @@ def real(name: str, value: object, expected: str = "a number", low: float = -mat
     """
     number = _lone(value, "iuf")
     if number is None or not number >= low:
-        raise OptionError(f"{name} must be {expected}, got {shown(value)}")
+        raise error(f"{name} must be {expected}, got {shown(value)}")
     return float(number)
 
 
-def triple(name: str, values: object, *, finite: bool = True) -> F64:
+def triple(name: str, values: object, *, finite: bool = True, error: type[TsplatError] = OptionError) -> F64:
     """Return three numbers as float64 [3]; without ``finite``, some may be infinite.
 
     Raises
@@ -55,9 +66,9 @@ def triple(name: str, values: object, *, finite: bool = True) -> F64:
     OptionError
         They are none, or nan.
     """
-    array = _numbers(values, "iuf")
+    array = numbers(values, "iuf")
     if array is None or array.shape != (3,) or not (np.isfinite(array) if finite else ~np.isnan(array)).all():
-        raise OptionError(f"{name} must be three {'finite ' if finite else ''}numbers, got {shown(values)}")
+        raise error(f"{name} must be three {'finite ' if finite else ''}numbers, got {shown(values)}")
     return array.astype(np.float64)
 
 
@@ -96,11 +107,12 @@ def path(value: object) -> Path:
 
 
 def _lone(value: object, kinds: str) -> int | float | None:
-    array = _numbers(value, kinds)
+    array = numbers(value, kinds)
     return None if array is None or array.ndim else cast("int | float", array.item())
 
 
-def _numbers(values: object, kinds: str) -> npt.NDArray[np.number] | None:
+def numbers(values: object, kinds: str) -> npt.NDArray[np.number] | None:
+    """Return an array of numbers of these kinds, see `numpy.dtype.kind`, or None where what is given is none."""
     try:
         array = np.asarray(values)
     except (ValueError, TypeError):  # lists of several lengths

@@ -17,6 +17,7 @@ import platformdirs
 
 from tsplat.errors import OptionError, SaveError
 from tsplat.files import replacing
+from tsplat.own_files import is_own_file, is_private, make_private
 
 SIZE_VARIABLE = "TSPLAT_CACHE_GB"
 """Environment variable: gigabytes that may be kept; 0 keeps nothing."""
@@ -43,7 +44,7 @@ class Entry(NamedTuple):
 
 def folder() -> Path:
     """Return where hierarchies are kept; it need not exist."""
-    return Path(platformdirs.user_cache_dir("tsplat")) / "hierarchies"
+    return Path(os.path.realpath(platformdirs.user_cache_dir("tsplat"))) / "hierarchies"
 
 
 def bound() -> int:
@@ -73,11 +74,15 @@ def entries() -> list[Entry]:
 
 
 def recalled(name: str) -> Path | None:
-    """Return the file that is kept under a name, or None; it counts as used now."""
+    """Return the file that is kept under a name, or None; it counts as used now.
+
+    None, too, where others could have written it: no scene is drawn with what a stranger left.
+    """
     path = folder() / f"{name}{SUFFIX}"
     with suppress(OSError):
-        os.utime(path)
-        return path
+        if is_own_file(path.lstat()) and is_private(folder()):
+            os.utime(path)
+            return path
     return None
 
 
@@ -89,10 +94,11 @@ def keep(name: str, nbytes: int, write: Callable[[BinaryIO], None]) -> bool:
     with suppress(SaveError, OSError, OptionError):
         if _make_room(nbytes):
             place = folder()
-            place.mkdir(parents=True, exist_ok=True)
-            with replacing(place / f"{name}{SUFFIX}") as file:
-                write(file)
-            return True
+            make_private(place)
+            if is_private(place):
+                with replacing(place / f"{name}{SUFFIX}", private=True) as file:
+                    write(file)
+                return True
     return False
 
 
@@ -131,6 +137,7 @@ def _files(suffix: str) -> list[Entry]:
     with suppress(OSError):
         for path in folder().glob(f"*{suffix}"):
             with suppress(OSError):
-                about = path.stat()
-                found.append(Entry(path, about.st_size, about.st_mtime))
+                about = path.lstat()
+                if is_own_file(about):
+                    found.append(Entry(path, about.st_size, about.st_mtime))
     return found

@@ -11,7 +11,6 @@ import rich_click as click
 from click.core import ParameterSource
 
 from tsplat.arguments import BACKGROUND, LEVEL, UP, scene_source
-from tsplat.files import tidy_end
 from tsplat.progress import loading
 from tsplat.rendering import ANTIALIAS, TRAIN_FOCAL_GUESS, Antialias, RenderOptions
 from tsplat.warmup import WarmUp
@@ -103,7 +102,7 @@ def _open_levels(source: str | Path, warm_up: WarmUp | None) -> Stored | None:
     from tsplat.io.sog_levels import find_levels
     from tsplat.io.sources import file_name
 
-    with tidy_end(), loading(file_name(source), warm_up) as bar:
+    with loading(file_name(source), warm_up) as bar:
         found = find_levels(source, bar.fetched)
         if found is None:
             return None
@@ -126,7 +125,6 @@ def loaded_scene(
     from tsplat.io.sources import file_name, local_file
 
     with (
-        tidy_end(),
         loading(file_name(scene), warm_up) as bar,
         local_file(scene_source(scene), how["lod"], bar, bar.fetched) as (path, progress),
     ):

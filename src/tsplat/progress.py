@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from tsplat.errors import printable
 from tsplat.traffic import Traffic
 from tsplat.warmup import WarmUp
 
@@ -55,7 +56,7 @@ class Bar:
     """
 
     def __init__(self, name: str, warm_up: WarmUp | None, doing: str) -> None:
-        self._name, self._warm_up, self._doing = name, warm_up, doing
+        self._name, self._warm_up, self._doing = printable(name), warm_up, doing
         self._start, self._terminal = time.perf_counter(), sys.stderr.isatty()
         self._fraction: float | None = 0.0
         self._traffic: Traffic | None = None

@@ -14,8 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from tsplat import images
-from tsplat.errors import OptionError
-from tsplat.processors import available_processors
+from tsplat.errors import OptionError, shown
+from tsplat.given import real, triple, whole
+from tsplat.processors import worker_count
 from tsplat.train_views import TrainViews
 
 F32 = npt.NDArray[np.float32]
@@ -115,14 +116,15 @@ class RenderOptions:
     sigma_extent: float = SIGMA_EXTENT
 
     def __post_init__(self) -> None:
-        _expect(self.sh_degree in range(5), "sh_degree", self.sh_degree, "0, 1, 2, 3 or 4")
-        _expect(self.antialias in ANTIALIAS, "antialias", self.antialias, ", ".join(ANTIALIAS))
-        background = tuple(float(value) for value in self.background)
-        finite = len(background) == 3 and all(map(math.isfinite, background))
-        _expect(finite, "background", self.background, "three finite numbers, 0 to 1")
-        object.__setattr__(self, "background", background)
-        _expect(0 <= self.threads <= 1024, "threads", self.threads, "0 (all) to 1024")
-        _expect(self.memory >= 0, "memory", self.memory, "bytes, 0 (half of what is free) or more")
+        for name, high in (("sh_degree", 4), ("threads", 1024), ("memory", None)):
+            object.__setattr__(self, name, whole(name, getattr(self, name), 0, high))
+        for name in ("train_focal", "near_plane", "far_plane", "eps2d", "alpha_min", "sigma_extent"):
+            object.__setattr__(self, name, real(name, getattr(self, name)))
+        known = isinstance(self.antialias, str) and self.antialias in ANTIALIAS
+        _expect(known, "antialias", self.antialias, ", ".join(ANTIALIAS))
+        object.__setattr__(self, "background", tuple(triple("background", self.background).tolist()))
+        views = self.train_views is None or isinstance(self.train_views, TrainViews)
+        _expect(views, "train_views", self.train_views, "a TrainViews or None")
         _expect(1e-3 <= self.train_focal <= 1e9, "train_focal", self.train_focal, "0.001 to 1e9 pixels")
         planes = 0.0 < self.near_plane < self.far_plane <= FAR_PLANE
         _expect(planes, "near_plane and far_plane", (self.near_plane, self.far_plane), "0 < near < far <= 1e10")
@@ -133,7 +135,7 @@ class RenderOptions:
     @property
     def worker_count(self) -> int:
         """Threads to use on this machine, at least 1."""
-        return self.threads or available_processors()
+        return worker_count(self.threads)
 
     def filter2d(self, focal: float) -> tuple[float, float]:
         """Return how the 2D covariances are widened for an image of this focal length in pixels.
@@ -236,4 +238,4 @@ def own_antialias(antialiased: bool, otherwise: Antialias) -> Antialias:
 
 def _expect(valid: bool, name: str, value: object, expected: str) -> None:
     if not valid:
-        raise OptionError(f"{name} must be {expected}, got {value!r}")
+        raise OptionError(f"{name} must be {expected}, got {shown(value)}")

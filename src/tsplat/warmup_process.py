@@ -2,13 +2,12 @@
 
 `draw` takes two thirds of the time, and threads of one process cannot compile at once. What the second one has
 kept by then is loaded, what it has not is compiled here.
-
-    python -m tsplat.warmup_process
 """
 
 from __future__ import annotations
 
 import atexit
+import os
 import sys
 import threading
 from contextlib import suppress
@@ -17,10 +16,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsplat._kernel_cache import cache_folder
+from tsplat._search_path import safe_path
 from tsplat.processors import available_processors
 from tsplat.scene import Gaussians
 
 if TYPE_CHECKING:
+    import subprocess
+
     from tsplat.encode import Encoder
 
 SPLATS = 4
@@ -29,6 +31,16 @@ SIDE = 32
 
 FIDELITIES = 1.0, 0.3
 """What an encoder leaves out below 1 takes kernels of its own."""
+
+
+CODE = """
+import sys
+sys.path[:] = sys.argv[1:]
+from tsplat._search_path import ignore_current_folder
+ignore_current_folder()
+from tsplat.warmup_process import compile_others
+compile_others()
+"""
 
 
 def start() -> None:
@@ -41,11 +53,21 @@ def start() -> None:
     nothing = subprocess.DEVNULL
     with suppress(OSError):
         process = subprocess.Popen(
-            [sys.executable, "-m", __name__], stdin=nothing, stdout=nothing, stderr=nothing,
+            [sys.executable, *command()], stdin=nothing, stdout=nothing, stderr=nothing,
             start_new_session=True,  # Ctrl-C is not meant for it
         )  # fmt: skip
-        atexit.register(process.kill)
+        atexit.register(_end, process, os.getpid())
         threading.Thread(target=process.wait, daemon=True).start()
+
+
+def command() -> list[str]:
+    """Return what Python is given: it finds what this process finds, but nothing in the current folder."""
+    return ["-I", "-c", CODE, *safe_path()]
+
+
+def _end(process: subprocess.Popen[bytes], starter: int) -> None:
+    if os.getpid() == starter:  # no child that was forked meanwhile
+        process.kill()
 
 
 def tiny_scene() -> Gaussians:
@@ -87,7 +109,3 @@ def compile_others() -> None:
     for name in ("half", *ENCODERS):
         encode_tiny(encoder(name))
     make_ready()
-
-
-if __name__ == "__main__":
-    compile_others()

@@ -97,7 +97,7 @@ def test_the_terminal_finds_the_very_pixels_in_a_file_that_it_may_remove(filed: 
 def test_files_that_nobody_fetched_are_gone_after_clearing(filed: Kitty, tmp_path: Path) -> None:
     fetched, _ = (Path(upload(filed, gradient(5, 4))[1]) for _ in range(2))
     fetched.unlink()
-    assert len(list(tmp_path.iterdir())) == 1
+    assert len(list(tmp_path.glob("*-tty-graphics-protocol"))) == 1
     filed.clear()
     assert list(tmp_path.iterdir()) == []
 

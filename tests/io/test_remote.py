@@ -351,8 +351,6 @@ def test_a_download_that_is_ended_leaves_nothing_behind(
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         env=environment,
-        # Tests that run in the background of a shell are deaf to some signals.
-        preexec_fn=lambda: signal.signal(number, signal.SIG_DFL),
     )
     try:
         assert server.silent.wait(60)

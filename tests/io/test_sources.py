@@ -327,7 +327,7 @@ def test_a_file_costs_no_copy_and_no_network_library(tmp_path: Path) -> None:
     path = tmp_path / "scene.ply"
     path.write_bytes(ply_bytes([splats([one_splat()])]))
     code = (
-        "import sys, tempfile, tsplat; tempfile.mkdtemp = None; tsplat.load(sys.argv[1]);"
+        "import sys, tsplat, tsplat.temporary as t; t.TemporaryFolder.__init__ = None; tsplat.load(sys.argv[1]);"
         "print([name for name in ('fsspec', 'aiohttp', 'asyncio.events') if name in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code, path], capture_output=True, timeout=120, check=True)

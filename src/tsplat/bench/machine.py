@@ -10,6 +10,9 @@ from pathlib import Path
 from tsplat import __version__
 from tsplat.processors import available_processors
 
+SYSCTL = "/usr/sbin/sysctl"
+"""By its place, as some systems look into the current folder first."""
+
 
 def machine() -> dict[str, str | int]:
     """Return the processor's name, how many processors there are, and the versions that matter to speed."""
@@ -30,7 +33,11 @@ def _processor() -> str:
             if line.startswith(("model name", "Model")):
                 return line.partition(":")[2].strip()
         asked = subprocess.run(
-            ["sysctl", "-n", "machdep.cpu.brand_string"], capture_output=True, text=True, timeout=5, check=True
+            [SYSCTL, "-n", "machdep.cpu.brand_string"],
+            capture_output=True,
+            text=True,
+            timeout=5,
+            check=True,
         )
         return asked.stdout.strip()
     except (OSError, subprocess.SubprocessError):

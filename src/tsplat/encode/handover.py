@@ -5,12 +5,13 @@ from __future__ import annotations
 import contextlib
 import mmap
 import os
-import secrets
-import tempfile
 from collections import deque
 from collections.abc import Callable
+from itertools import count
 from pathlib import Path
+from tempfile import gettempdir
 
+from tsplat._leftovers import Owner
 from tsplat.encode.protocol import U8
 from tsplat.errors import OptionError
 
@@ -23,8 +24,12 @@ _FILE_MARK = "tty-graphics-protocol"
 _SHARED_DIRECTORY = Path("/dev/shm")
 
 
+_numbers = count()
+"""Of frames, in this process."""
+
+
 class Handover:
-    """Leaves frames for the terminal and removes those it did not take.
+    """Leaves frames for the terminal and removes those it did not take, and those that ended processes left.
 
     Parameters
     ----------
@@ -41,6 +46,8 @@ class Handover:
         self.medium = b"s" if transport == "shared" else b"t"
         """What the protocol calls the transport."""
         self._leave, self._remove = _shared_memory() if transport == "shared" else (_leave_file, _remove_file)
+        self._folder = _SHARED_DIRECTORY if transport == "shared" else _folder_of_files()
+        self._owner: Owner | None = None
         self._waiting: deque[str] = deque()
 
     def leave(self, frame: U8) -> bytes:
@@ -51,7 +58,9 @@ class Handover:
         OSError
             There is no room.
         """
-        name = self._leave(frame)
+        if self._owner is None:
+            self._owner = Owner(self._folder)
+        name = self._leave(frame, f"{self._owner.name}-{next(_numbers)}")
         self._waiting.append(name)
         if len(self._waiting) > _MOST_WAITING:
             self._remove(self._waiting.popleft())
@@ -61,12 +70,18 @@ class Handover:
         """Remove every frame that the terminal did not take."""
         while self._waiting:
             self._remove(self._waiting.popleft())
+        if self._owner:
+            self._owner.close()
+            self._owner = None
 
 
-def _leave_file(frame: U8) -> str:
-    directory = _SHARED_DIRECTORY if os.access(_SHARED_DIRECTORY, os.W_OK) else None
-    file, name = tempfile.mkstemp(prefix=f"tsplat-{_FILE_MARK}-", dir=directory)
-    with os.fdopen(file, "wb") as stream:
+def _folder_of_files() -> Path:
+    return _SHARED_DIRECTORY if os.access(_SHARED_DIRECTORY, os.W_OK) else Path(gettempdir())
+
+
+def _leave_file(frame: U8, called: str) -> str:
+    name = str(_folder_of_files() / f"{called}-{_FILE_MARK}")
+    with open(os.open(name, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as stream:
         try:
             stream.write(frame.data)
             stream.flush()
@@ -81,7 +96,7 @@ def _remove_file(name: str) -> None:
         Path(name).unlink()
 
 
-def _shared_memory() -> tuple[Callable[[U8], str], Callable[[str], None]]:
+def _shared_memory() -> tuple[Callable[[U8, str], str], Callable[[str], None]]:
     # Not `multiprocessing.shared_memory`: it starts a process that removes the memory a second time and complains.
     try:
         from _posixshmem import shm_open, shm_unlink
@@ -90,8 +105,8 @@ def _shared_memory() -> tuple[Callable[[U8], str], Callable[[str], None]]:
             'kitty\'s transport "shared" needs POSIX shared memory; use "file" or "direct"'
         ) from error
 
-    def leave(frame: U8) -> str:
-        name = f"/tsplat-{secrets.token_hex(8)}"  # macOS takes no more than 30 characters
+    def leave(frame: U8, called: str) -> str:
+        name = f"/{called}"  # macOS takes no more than 30 characters
         file = shm_open(name, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o600)
         try:
             os.ftruncate(file, frame.nbytes)

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import shutil
-import weakref
 from contextlib import AbstractContextManager
 from functools import partial
-from tempfile import mkdtemp
 
 from tsplat.io.remote import Fetched, Progress, url_beside
 from tsplat.io.sog_beside import Beside
-from tsplat.io.sources import GETTING, PREFIX, fetch_by, legible, place_in
+from tsplat.io.sources import GETTING, fetch_by, legible, place_in
+from tsplat.temporary import TemporaryFolder
 
 
 class Stream:
@@ -39,10 +37,8 @@ class Stream:
     def __init__(self, url: str, fetched: Fetched) -> None:
         self._url = url
         with legible(url):
-            self._folder = mkdtemp(prefix=PREFIX)
-        # Whoever quits does not wait for a file that is just coming.
-        weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
-        self.meta = place_in(self._folder, url)
+            self._folder = TemporaryFolder()
+        self.meta = place_in(self._folder.name, url)
         with self.legible():
             fetch = fetch_by(url, fetched)
             fetch(url, self.meta, lambda _: None)
@@ -54,4 +50,4 @@ class Stream:
 
     def legible(self) -> AbstractContextManager[None]:
         """See `tsplat.io.sources.legible`."""
-        return legible(self._url, self._folder)
+        return legible(self._url, self._folder.name)

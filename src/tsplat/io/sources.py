@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from tempfile import TemporaryDirectory, gettempdir
+from tempfile import gettempdir
 from typing import BinaryIO
 from urllib.parse import unquote
 
@@ -22,15 +22,13 @@ from tsplat.io.remote import Fetched, Progress, Remote, is_url, shown_url, url_b
 from tsplat.io.remote_errors import FULL
 from tsplat.io.sog_beside import Fetch, fetch_beside, is_json
 from tsplat.io.unpack import UNPACKED, is_packed, unpack
+from tsplat.temporary import TemporaryFolder
 
 STDIN = "-"
 """What standard input is called where a file may be named."""
 
 GETTING = 0.75
 """The share that getting a scene here has in all there is to do: networks are slower than readers."""
-
-PREFIX = "tsplat-"
-"""Of the names of temporary folders."""
 
 NAME_CHARS = 60
 """At most this many characters of a name are kept, the last ones: file systems take 255 bytes."""
@@ -88,7 +86,7 @@ def local_file(
         if not is_elsewhere(source) and not is_packed(Path(source)):
             yield Path(source), progress
             return
-        with TemporaryDirectory(prefix=PREFIX) as folder, legible(source, folder):
+        with TemporaryFolder() as folder, legible(source, folder):
             place = place_in(folder, source)
             _get(source, place, lod, lambda fraction: progress(GETTING * fraction), fetched)
             yield place, lambda fraction: progress(GETTING + (1.0 - GETTING) * fraction)

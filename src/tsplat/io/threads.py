@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from contextvars import copy_context
@@ -10,6 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from tsplat import locks
 from tsplat.processors import available_processors
 
 Item = TypeVar("Item")
@@ -36,7 +36,7 @@ def on_threads(work: Callable[[Item], None], items: Iterable[Item]) -> None:
     Exception
         Whatever ``work`` or ``items`` raised; the other threads have stopped by then.
     """
-    waiting, lock = iter(items), threading.Lock()
+    waiting, lock = iter(items), locks.lock()
     end = object()
 
     def run() -> None:

@@ -12,7 +12,7 @@ from tsplat.given import whole
 from tsplat.lod.fit import fit
 from tsplat.lod.kd import kd_order
 from tsplat.lod.levels import Level, coarser, finest
-from tsplat.processors import available_processors
+from tsplat.processors import worker_count
 from tsplat.rotations import quats_of
 from tsplat.scene import Gaussians, a_scene
 
@@ -55,7 +55,7 @@ def decimate(
     count, threads = whole("count", count, 1), whole("threads", threads, 0, 1024)
     if len(a_scene(gaussians)) <= count:
         return gaussians
-    threads, progress = threads or available_processors(), progress or (lambda _: None)
+    threads, progress = worker_count(threads), progress or (lambda _: None)
     found = fit(gaussians)
     # Not so many that little of the scene would be left.
     giants = keep_most_important(found.giants, max(count // 2, count - len(found.scene)))

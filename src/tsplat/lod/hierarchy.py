@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -12,6 +11,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import numpy.typing as npt
 
+from tsplat import locks
 from tsplat._jit import kernel, part
 from tsplat._threads import FIRST_FREE, claim, new_team
 from tsplat.given import whole
@@ -73,7 +73,7 @@ class Hierarchy:
 
 
 _hierarchies: WeakKeyDictionary[Gaussians, Hierarchy] = WeakKeyDictionary()
-_lock = threading.Lock()
+_lock = locks.lock()
 
 
 def hierarchy(

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
 
+from tsplat import locks
 from tsplat.framing import SAMPLE
 from tsplat.io.arrays import Arrays
 from tsplat.io.sog_levels import Levels
@@ -50,7 +50,7 @@ class Reader:
 
     def __init__(self, levels: Levels) -> None:
         counts = np.concatenate(levels.counts)
-        self._levels, self.lock = levels, threading.Lock()
+        self._levels, self.lock = levels, locks.lock()
         self._firsts = np.cumsum([0, *map(len, levels.counts)])
         self._finer, self._coarser = np.full((2, len(counts)), NONE, np.int32)
         below = np.zeros(len(counts), np.int64)

@@ -14,7 +14,7 @@ from tsplat.files import replacing
 from tsplat.io.sources import called
 from tsplat.io.tsplat_header import BLOCK
 from tsplat.options import load_scene
-from tsplat.processors import available_processors
+from tsplat.processors import worker_count
 from tsplat.progress import loading, wait_for_kernels
 from tsplat.scene import Gaussians
 from tsplat.warmup import WarmUp
@@ -62,7 +62,7 @@ def optimize(scene: str, out: Path, how: dict[str, Any], threads: int) -> str:
 
         start = time.perf_counter()
         with loading(out.name, doing="optimizing") as progress:
-            store(file, gaussians, threads or available_processors(), progress)
+            store(file, gaussians, worker_count(threads), progress)
     size, seconds = out.stat().st_size / 1e6, time.perf_counter() - start
     return f"{out}: {len(gaussians):,} splats, {size:,.2f} MB, optimized in {seconds:.1f} s"
 

@@ -201,9 +201,11 @@ def new_frame(
     """
     size = camera.width, camera.height, options.worker_count, pairs, len(blocks)
     if scene.last_size != size:
-        scene.last_frame = scene.last_known = None  # so that what it held of larger arrays goes before they come
-        scene.last_frame, scene.last_size = _frame_of_size(scene, *size), size
+        # What it held of larger arrays goes before they come; Ctrl-C or a fork may come before all is of one size.
+        scene.last_size, scene.last_frame, scene.last_known = (), None, None
+        scene.last_frame = _frame_of_size(scene, *size)
         scene.last_known = known(scene.last_frame[OWN:])
+        scene.last_size = size
     window = window or whole(camera.width, camera.height)
     own = (
         camera_numbers(camera, options, window.pixels(camera.width, camera.height)),

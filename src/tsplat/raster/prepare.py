@@ -7,14 +7,15 @@ Every quantity lies in an array of its own, padded to whole blocks with splats t
 from __future__ import annotations
 
 import math
-import threading
 from dataclasses import dataclass, field
+from threading import RLock
 from typing import TYPE_CHECKING, Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
 
+from tsplat import locks
 from tsplat._arguments import Known
 from tsplat._jit import kernel, part
 from tsplat._lanes import load, maximum, minimum, splat
@@ -102,7 +103,7 @@ class Prepared:
     last_frame: Any = None
     last_known: Known | None = None
     train_depths: TrainDepths | None = None
-    lock: threading.Lock = field(default_factory=threading.Lock)
+    lock: RLock = field(default_factory=locks.lock)
 
     def target(self) -> Target:
         """Return the arrays that are filled once, for kernels."""
@@ -114,7 +115,7 @@ class Prepared:
 
 
 _prepared: WeakKeyDictionary[Gaussians, Prepared] = WeakKeyDictionary()
-_prepared_lock = threading.Lock()
+_prepared_lock = locks.lock()
 
 
 def prepared(gaussians: Gaussians, threads: int) -> Prepared:

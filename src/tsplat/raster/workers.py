@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import atexit
 import os
-import threading
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
+from tsplat import locks
 from tsplat._jit import JIT, Work
 from tsplat._machine_code import BEYOND
 from tsplat._threads import ABANDONED, ARRIVED, FIRST_FREE
@@ -67,7 +67,7 @@ class _Crew:
     def __init__(self) -> None:
         self._mates: list[Mate] = []
         self._out: list[Mate] = []
-        self._busy = threading.Lock()
+        self._busy = locks.lock()
         self._team: npt.NDArray[np.int64] | None = None
 
     def work(self, threads: int, team: npt.NDArray[np.int64], work: Work[Result], *, meets: bool) -> Result:

@@ -10,7 +10,7 @@ import rich_click as click
 
 from tsplat.arguments import DEMO, Triples, scene_name
 from tsplat.encode import ENCODERS, FALLBACK_CELL
-from tsplat.errors import OptionError, SaveError
+from tsplat.errors import OptionError, SaveError, printable
 from tsplat.files import replacing
 from tsplat.options import READING, load_scene, reading, render_options, shared
 from tsplat.progress import loading, wait_for_kernels
@@ -68,7 +68,7 @@ def record(out: str, scene: str, live: bool, up: Any, fov_y: float, **options: A
             made = _record_orbit(
                 file, path, _orbit(path, gaussians, chosen, how, up, fov_y), how, scene_name(scene)
             )
-    print(f"{out}: {made}, {path.stat().st_size / 1e3:,.0f} kB", flush=True)
+    print(f"{printable(out)}: {made}, {path.stat().st_size / 1e3:,.0f} kB", flush=True)
 
 
 def check(path: Path, live: bool, wanted: dict[str, Any]) -> None:
