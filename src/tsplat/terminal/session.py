@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING
 from tsplat.errors import TerminalError
 from tsplat.terminal.hearing import LOCAL_SECONDS, REMOTE_SECONDS, Hearing, ask
 from tsplat.terminal.keys import Answered, Event, Resize, TerminalSize
+from tsplat.terminal.limits import MOST_WAITING
 from tsplat.terminal.modes import SCREEN, UNFINISHED, reports_pixels, turn_off, turn_on
 from tsplat.terminal.parser import Parser, PixelReport, SizeReport
-from tsplat.terminal.probe import Profile, detect, size_questions
+from tsplat.terminal.probe import SIZE_REPORTS, Profile, detect, size_questions
 from tsplat.terminal.questions import is_remote
 from tsplat.terminal.sizes import Sizes
 
@@ -76,6 +77,7 @@ class Session:
         self._waiting: list[Event] = []
         self._signalled: set[int] = set()
         self._unanswered = 0
+        self._sizes_asked = dict.fromkeys(SIZE_REPORTS, 0)
         self._hearing: Hearing | None = None
         self._device: Device
         self._sizes: Sizes
@@ -181,6 +183,7 @@ class Session:
         typed = self._parser.feed(hearing.replies)
         self._waiting += [event for event in typed if not isinstance(event, PixelReport | SizeReport)]
         self._hearing = None if hearing.answered else hearing
+        self._sizes_asked = dict.fromkeys(SIZE_REPORTS, int(not hearing.answered))
 
     def _next_input(self, timeout: float) -> bytes:
         return self._device.read() if self._ready(timeout, self._device.input) else b""
@@ -262,8 +265,11 @@ class Session:
                 self._measure(event)
                 continue
             if isinstance(event, Answered):
-                self._unanswered = max(0, self._unanswered - 1)
-            self._waiting.append(event)
+                if not self._unanswered:
+                    continue
+                self._unanswered -= 1
+            if len(self._waiting) < MOST_WAITING:
+                self._waiting.append(event)
 
     def _read(self) -> bytes:
         received = self._device.read()
@@ -285,15 +291,25 @@ class Session:
         elif signal.SIGWINCH in signals:
             self._sizes.heed_kernel()
             self._waiting.append(Resize(self.size()))
-            self._send(size_questions(self.profile))
+            self._ask_sizes()
 
     def _know_sizes(self) -> None:
         self._sizes = Sizes(self._device.window_size, self.profile)
         self._set_mouse_unit()
 
+    def _ask_sizes(self) -> None:
+        for kind, question in size_questions(self.profile).items():
+            self._sizes_asked[kind] += 1
+            self._send(question)
+
     def _measure(self, report: PixelReport | SizeReport) -> None:
-        """Take sizes from a late answer or a new size; another size than before is a `Resize`."""
-        if self._sizes.take(report):
+        """Take sizes from an answer or a new size, unless nobody asked for it; another size is a `Resize`."""
+        if isinstance(report, SizeReport):
+            asked = self.profile.in_band_resize
+        else:
+            asked = self._sizes_asked[report.kind] > 0
+            self._sizes_asked[report.kind] -= asked
+        if asked and self._sizes.take(report):
             self._set_mouse_unit()
             self._waiting.append(Resize(self.size()))
 

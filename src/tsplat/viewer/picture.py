@@ -36,6 +36,9 @@ TRUE_COLORS = Profile(colors=TRUECOLOR)
 LUMA = np.array([0.2126, 0.7152, 0.0722], np.float32)
 """How bright each primary looks, ITU-R BT.709."""
 
+MOST_PIXELS = 1 << 24
+"""Of a frame, twice those of the largest common screen: each takes 20 bytes on its way to the terminal."""
+
 SAVED_SIDE = 1920
 """Pixels of the longer side of a saved picture, or more where the screen has more."""
 
@@ -190,7 +193,7 @@ class Painter:
         """
         width, height = screen_pixels(state.size, state.output)
         enlarge = max(1.0, SAVED_SIDE / max(width, height))
-        width, height = (min(MAX_SIDE, round(side * enlarge)) for side in (width, height))
+        width, height = limited(round(width * enlarge), round(height * enlarge))
         rendering = self.render(state, width, height)
         return images.save(path, saturated(rendering.colors, state.saturation), rendering.alphas)
 
@@ -219,7 +222,14 @@ def frame_size(state: ViewerState, chosen: Encoder) -> tuple[int, int]:
     across, down = chosen.pixels_per_cell(*state.size.cell_size)
     width = round(state.size.columns * across * state.density)
     height = round(picture_rows(state.size, state.output) * down * state.density)
-    return min(max(width, 1), MAX_SIDE), min(max(height, 1), MAX_SIDE)
+    return limited(width, height)
+
+
+def limited(width: int, height: int) -> tuple[int, int]:
+    """Return a size of the same shape, no larger than frames may be; the encoder stretches what is smaller."""
+    width, height = min(max(width, 1), MAX_SIDE), min(max(height, 1), MAX_SIDE)
+    share = min(1.0, math.sqrt(MOST_PIXELS / (width * height)))
+    return max(1, int(width * share)), max(1, int(height * share))
 
 
 def view_camera(state: ViewerState, width: int, height: int) -> Camera:
