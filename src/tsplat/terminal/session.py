@@ -24,6 +24,7 @@ from tsplat.terminal.sizes import Sizes
 if TYPE_CHECKING:
     from tsplat.terminal.device import Device
     from tsplat.terminal.signals import Signals
+    from tsplat.terminal.watcher import Watcher
 
 ESCAPE_DELAY = 0.05
 """Seconds after which an escape with nothing behind it was the key; SSH delivers sequences in one piece."""
@@ -45,7 +46,7 @@ class Session:
     "ctrl+c", Ctrl-Z as "ctrl+z"), switches to the alternate screen, asks what the terminal can do unless
     a profile was given, and turns on the mouse and, where there is one, the kitty keyboard; the cursor is
     hidden and autowrap is off. Leaving, also by an exception, SIGTERM or SIGHUP, undoes all that in
-    reverse order.
+    reverse order; where this process is ended in any other way, `Watcher` does.
 
     Parameters
     ----------
@@ -82,14 +83,17 @@ class Session:
         self._device: Device
         self._sizes: Sizes
         self._signals: Signals
+        self._watcher: Watcher
 
     def __enter__(self) -> Session:
         try:
             from tsplat.terminal.device import Device
             from tsplat.terminal.signals import Signals
+            from tsplat.terminal.watcher import Watcher
         except ImportError as error:  # Windows has no termios
             raise TerminalError("the viewer needs a POSIX terminal; use WSL, or 'tsplat render'") from error
         self._device, self._signals = Device(), Signals()
+        self._watcher = Watcher(self._device.input)
         try:
             self._take()
         except BaseException:
@@ -169,12 +173,18 @@ class Session:
 
     def _take(self) -> None:
         self._device.set_raw()
+        self._watch()
         self._send(SCREEN[0])
         if not self._known:
             # Asked on the alternate screen, where what a terminal prints by mistake harms nobody.
             self._ask()
         self._know_sizes()
+        self._watch()
         self._send(turn_on(self.profile))
+
+    def _watch(self) -> None:
+        """Say what gives the terminal back, should this process end before it can."""
+        self._watcher.expect(UNFINISHED + turn_off(self.profile))
 
     def _ask(self) -> None:
         """Learn what the terminal can do; what a person typed meanwhile is not lost."""
@@ -195,6 +205,7 @@ class Session:
         before, hearing, self._hearing = self.profile, self._hearing, None
         self.profile = detect(self._environment, hearing.replies, hearing.tmux)
         self._know_sizes()
+        self._watch()
         self._send(turn_on(self.profile, before))
         self._waiting.append(Resize(self.size()))
 
@@ -205,6 +216,7 @@ class Session:
             try:
                 self._give_back()
             finally:
+                self._watcher.close()
                 self._signals.close()
                 self._device.close()
 
@@ -218,6 +230,7 @@ class Session:
             self._send(UNFINISHED * self._writing + farewell, FAREWELL_SECONDS)
             self._hear_out()
         self._device.restore()
+        self._watcher.expect(b"")
 
     def _hear_out(self) -> None:
         """Wait for answers still on their way: the shell would take them for something typed."""
