@@ -14,23 +14,8 @@ import pytest
 from tests.terminal.ptys import DEADLINE, Terminal
 from tests.terminal.test_session import BASH, ECHO, KITTY, LEFT, assert_whole_again, shell_settings, started
 
-DEADLY = [
-    "QUIT",
-    "ILL",
-    "TRAP",
-    "ABRT",
-    "BUS",
-    "FPE",
-    "USR1",
-    "SEGV",
-    "USR2",
-    "ALRM",
-    "VTALRM",
-    "PROF",
-    "XCPU",
-    "SYS",
-]
-DEADLY += ["RTMIN", "RTMAX"] * hasattr(signal, "SIGRTMIN")
+DEADLY = ["QUIT", "ILL", "TRAP", "ABRT", "BUS", "FPE", "USR1", "SEGV", "USR2", "ALRM", "VTALRM", "PROF"]
+DEADLY += ["XCPU", "SYS"] + ["RTMIN", "RTMAX"] * hasattr(signal, "SIGRTMIN")
 
 FAULTS = {
     "no such address": ("import ctypes; ctypes.string_at(0)", signal.SIGSEGV),
