@@ -25,7 +25,10 @@ NAMES = tuple(COUNTS.arrays)
 
 def plausible() -> dict[str, list[Any]]:
     rng, arrays = np.random.default_rng(1), COUNTS.arrays.items()
-    return {name: [rng.uniform(0.1, 0.9, length).astype(dtype)] for name, (dtype, length) in arrays}
+    made = {name: [rng.uniform(0.1, 0.9, length).astype(dtype)] for name, (dtype, length) in arrays}
+    for name in ("quats", "sample_quats"):
+        made[name][0].reshape(-1, 4)[:] /= np.linalg.norm(made[name][0].reshape(-1, 4), axis=1, keepdims=True)
+    return made
 
 
 @pytest.fixture(scope="module")
@@ -225,6 +228,8 @@ def test_sections_that_nobody_knows_are_passed_over(path: Path, whole: bytes) ->
     [
         ("means", np.nan, "means must be finite"),
         ("quats", np.inf, "quats must be finite"),
+        ("quats", 0.0, "quats must be of unit length"),
+        ("quats", 1e30, "quats must be of unit length"),
         ("scales", -1.0, "scales must lie in"),
         ("opacities", 1.5, "opacities must lie in"),
         ("sh_first", np.nan, "sh must be finite"),

@@ -18,9 +18,16 @@ LEAST_BUDGET, LARGEST_BUDGET = 20_000, 500_000
 
 
 def rasterize_all(scene: Gaussians | Stored, camera: Camera, options: RenderOptions) -> Rendering:
-    """Draw every splat of a scene, in memory or on disk; see `tsplat.raster.rasterize`."""
+    """Draw every splat of a scene, in memory or on disk; see `tsplat.raster.rasterize`.
+
+    Raises
+    ------
+    CorruptFileError
+        It is on disk, and its file changed.
+    """
     if isinstance(scene, Stored):
         scene.read_rest()
+        scene.tree.check()
         return rasterize_blocks(scene.tree.scene, scene.finest, camera, options)
     return rasterize(scene, camera, options)
 
@@ -48,11 +55,17 @@ def rasterize_within(
     -------
     Rendering
         As `tsplat.raster.rasterize` returns it.
+
+    Raises
+    ------
+    CorruptFileError
+        The scene is on disk, and its file changed.
     """
     if len(scene) <= budget and (isinstance(scene, Gaussians) or scene.complete):
         return rasterize_all(scene, camera, options)
     tree = scene.tree if isinstance(scene, Stored) else hierarchy(scene, options.worker_count)
     blocks = (cut or Cut(tree)).blocks(camera, options, budget)
+    tree.check()
     return rasterize_blocks(tree.scene, blocks, camera, options)
 
 
