@@ -143,13 +143,12 @@ class Mapped(Opened):
         if (size := os.fstat(self.file.fileno()).st_size) < len(self.memory):
             raise _shorter(self.path, size)
 
-    @property
-    def is_outdated(self) -> bool:
-        """Whether under its name there is something else now than what was opened."""
+    def stamp_now(self) -> Stamp | None:
+        """Return what is there under its name now, None where nothing is."""
         try:
-            return _stamp(os.stat(self.path)) != self.stamp
+            return _stamp(os.stat(self.path))
         except OSError:
-            return False  # it is gone, and what was opened is all there is
+            return None
 
     def let_go(self) -> None:
         """Hold nothing that was read so far in memory; what is looked at again is read again."""

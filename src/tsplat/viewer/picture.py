@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -20,11 +21,14 @@ from tsplat.scene import Gaussians
 from tsplat.terminal.keys import TerminalSize
 from tsplat.terminal.probe import TRUECOLOR, Profile
 from tsplat.viewer.detail import Detail
-from tsplat.viewer.scenes import Scenes
+from tsplat.viewer.scenes import OnDisk, Scenes
 from tsplat.viewer.spans import Span, covered, painted, shaded
-from tsplat.viewer.state import ViewerState
+from tsplat.viewer.state import Loaded, ViewerState
 from tsplat.warmup import draw_tiny
 from tsplat.warmup_process import SIDE, encode_tiny
+
+if TYPE_CHECKING:
+    from tsplat.io.tsplat_map import Mapped
 
 F32 = npt.NDArray[np.float32]
 U8 = npt.NDArray[np.uint8]
@@ -99,6 +103,26 @@ class Painter:
             rendering = self.detail.draw(camera, replace(state.options, depths=False))
         frame = images.quantize(saturated(rendering.colors, state.saturation))
         return Drawn(frame, rendering.visible, rendering.stage_ms, density, exact)
+
+    @property
+    def file(self) -> Mapped | None:
+        """The file that is drawn from while the viewer runs; None where all is in memory, or going to be."""
+        return self.scenes.loaded.mapped if isinstance(self.scenes, OnDisk) else None
+
+    def reload(self) -> Loaded:
+        """Open the scene's file anew.
+
+        Raises
+        ------
+        LoadError
+            It cannot be read.
+        """
+        from tsplat.lod import open_stored
+
+        assert self.file
+        stored = open_stored(self.file.path)
+        self.scenes, self.detail = OnDisk(stored), self.detail.of(stored)
+        return Loaded(len(stored), stored.sh_degree)
 
     @property
     def read(self) -> float:
