@@ -6,13 +6,17 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 import click
+import numpy as np
 import pytest
 
+from tests.scenes import random_gaussians
 from tsplat import cli, kept, numerals
 from tsplat.arguments import Number, Numbers, Whole
 from tsplat.errors import OptionError
+from tsplat.io import save
 
 ARABIC_ONE = "\N{ARABIC-INDIC DIGIT ONE}"
 WRONG = (
@@ -113,3 +117,19 @@ def test_the_bound_of_what_is_kept_is_a_number_of_gigabytes(wrong: str, monkeypa
     monkeypatch.setenv(kept.SIZE_VARIABLE, wrong)
     with pytest.raises(OptionError, match="must be gigabytes"):
         kept.bound()
+
+
+EXTREMES = ["--train-focal=0.001", "--train-focal=1000000", "--fov-y=0.001", "--fov-y=179.999", "--eye=1e30,0,0"]
+EXTREMES += ["--target=1e-320,1e30,0", "--up=1e-320,0,0", "--up=1e30,-1e30,0", "--background=1e30,0,-1e30"]
+EXTREMES += ["--max-splats=999999999999", "--train-focal=1e-300", "--fov-y=1e-300", "--fov-y=180"]
+
+
+@pytest.mark.parametrize("option", EXTREMES)
+def test_the_largest_and_smallest_numbers_are_a_picture_or_one_line(
+    option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene = save(tmp_path / "x.ply", random_gaussians(np.random.default_rng(1), 9))
+    size = "--width=9", "--height=9"
+    status = cli.main(["render", str(scene), "-o", str(tmp_path / "x.png"), *size, "--antialias=relative", option])
+    assert status in (0, 2)
+    assert capsys.readouterr().err.count("\n") == (status == 2)

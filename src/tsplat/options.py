@@ -49,9 +49,9 @@ def shared(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
         "lod": click.option("--lod", type=LEVEL, default="0", metavar="N|all",
                             help="Level of detail of a streamed scene, 0 the finest, or all of them. "
                             "[view: all, one at a time; else 0]"),
-        "fov-y": click.option("--fov-y", type=Number(0, 180, True, True), default=FOV_Y,
+        "fov-y": click.option("--fov-y", type=Number(0.001, 179.999), default=FOV_Y,
                               show_default=True, metavar="DEGREES", help="Vertical field of view."),
-        "train-focal": click.option("--train-focal", type=Number(0, min_open=True), metavar="PIXELS",
+        "train-focal": click.option("--train-focal", type=Number(0.001, 1_000_000), metavar="PIXELS",
                                     help="Focal length of the training pictures, for --antialias relative. "
                                     "[cameras.json or transforms.json beside the scene, else 1100]"),
         "background": click.option("--background", type=BACKGROUND, default="black", show_default=True,
