@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,6 +14,11 @@ from tsplat.warmup import draw_tiny
 # A first call compiles kernels; time is no property worth failing for.
 settings.register_profile("tsplat", deadline=None)
 settings.load_profile("tsplat")
+
+# Whoever starts the suite may ignore these, as nohup and a shell's `&` do; what the tests start inherits that.
+for name in ("SIGINT", "SIGQUIT", "SIGHUP"):
+    if (number := getattr(signal, name, None)) and signal.getsignal(number) is signal.SIG_IGN:
+        signal.signal(number, signal.default_int_handler if name == "SIGINT" else signal.SIG_DFL)
 
 GOLDENS = Path(__file__).parent / "goldens"
 
