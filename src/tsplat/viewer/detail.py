@@ -76,7 +76,7 @@ class Detail:
         """Return what is said of the splats of a frame that was drawn, exactly or not."""
         if not self.complete:
             return self._problem or f"reading levels {100.0 * self.done:.0f} %"
-        if self._cut is None and self._thread.ident is not None:
+        if self._cut is None and self._thread.is_alive():
             return f"building levels {100.0 * self.done:.0f} %"
         return "" if exact else "merged"
 
