@@ -19,7 +19,8 @@ settings.load_profile("tsplat")
 # What is caught here is as usual there.
 for _name in ("SIGINT", "SIGHUP", "SIGTERM", "SIGQUIT", "SIGTSTP"):
     if signal.getsignal(getattr(signal, _name, signal.SIGINT)) is signal.SIG_IGN:
-        signal.signal(getattr(signal, _name), lambda *_: None)
+        _caught = signal.default_int_handler if _name == "SIGINT" else lambda *_: None
+        signal.signal(getattr(signal, _name), _caught)
 
 GOLDENS = Path(__file__).parent / "goldens"
 

@@ -75,13 +75,13 @@ def test_looking_along_up_still_makes_a_camera(up: tuple[float, float, float]) -
     ("changes", "message"),
     [
         ({"target": (0, 0, -4)}, "target - eye must be three finite numbers, not all zero"),
-        ({"target": (0, math.nan, 0)}, "target - eye must be"),
+        ({"target": (0, math.nan, 0)}, "target must be three"),
         ({"up": (0, 0, 0)}, "up must be three finite numbers"),
         ({"up": (0, 1)}, "up must be"),
         ({"fov_y": 0.0}, "fov_y must be between 0 and 180"),
         ({"fov_y": 180.0}, "fov_y must be between"),
         ({"fov_y": math.nan}, "fov_y must be between"),
-        ({"width": 0}, "width must be 1 to 16384 pixels, got 0"),
+        ({"width": 0}, "width must be 1 to 16384, got 0"),
         ({"height": 16385}, "height must be 1 to 16384"),
     ],
 )

@@ -110,6 +110,17 @@ def linked(code: MachineCode) -> Linked:
     return Linked(address, run)
 
 
+def assembled(text: str, name: str) -> int:
+    """Return the address of a function in LLVM's assembly language, which stays as long as the process lives."""
+    with _lock:
+        llvm.initialize_native_target()
+        llvm.initialize_native_asmprinter()
+        target = llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine()
+        _engines.append(llvm.create_mcjit_compiler(llvm.parse_assembly(text), target))
+        _engines[-1].finalize_object()
+        return int(_engines[-1].get_function_address(name))
+
+
 @lru_cache(maxsize=1)
 def processor() -> str:
     """Return what machine code for this processor is not good for others by."""

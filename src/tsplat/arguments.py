@@ -1,13 +1,14 @@
-"""The command line's own kinds of arguments: scenes, three numbers, and a command that need not be named."""
+"""The command line's own kinds of arguments: scenes, numbers, and a command that need not be named."""
 
 from __future__ import annotations
 
-import math
 import re
 from pathlib import Path
 from typing import Any
 
 import rich_click as click
+
+from tsplat import numerals
 
 DEMO = "demo"
 """What the scene in the package is called."""
@@ -37,6 +38,26 @@ def scene_name(scene: str) -> str:
     return Path(file_name(scene)).stem
 
 
+class Whole(click.IntRange):
+    """A whole number within a range."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return an int."""
+        if isinstance(value, str) and numerals.whole(value) is None:
+            self.fail(f"{value!r} is not a whole number of at most 12 digits", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+class Number(click.FloatRange):
+    """A finite number within a range: nan compares with nothing, so a range alone lets it pass."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return a float."""
+        if isinstance(value, str) and numerals.finite(value) is None:
+            self.fail(f"{value!r} is not a number from -1e30 to 1e30", param, ctx)
+        return super().convert(value, param, ctx)
+
+
 class Numbers(click.ParamType):  # type: ignore[type-arg]
     """So many finite numbers with commas or spaces between them; ``otherwise`` where none need to be given."""
 
@@ -47,7 +68,7 @@ class Numbers(click.ParamType):  # type: ignore[type-arg]
         """Return a tuple of floats."""
         if isinstance(value, tuple):
             return value
-        numbers = [_number(word) for word in value.replace(",", " ").split()]
+        numbers = [numerals.finite(word) for word in value.replace(",", " ").split()]
         if len(numbers) != self.count or None in numbers:
             self.fail(f"{value!r} is not {self.expected}", param, ctx)
         return tuple(numbers)
@@ -105,7 +126,7 @@ class Triples(click.RichCommand):
             word, *args = args
             if kind := known.get(word):
                 count = kind.count
-                if len(args) >= count and None not in map(_number, args[:count]):
+                if len(args) >= count and None not in map(numerals.finite, args[:count]):
                     word, args = f"{word}={','.join(args[:count])}", args[count:]
                 elif kind.otherwise is not None:
                     word = f"{word}={','.join(map(str, kind.otherwise))}"
@@ -139,11 +160,3 @@ class ViewByDefault(click.RichGroup):
         if not args or args[0] not in {*self.commands, *own}:
             args = ["view", *args]
         return super().parse_args(ctx, args)
-
-
-def _number(word: str) -> float | None:
-    try:
-        number = float(word)
-    except ValueError:
-        return None
-    return number if math.isfinite(number) else None

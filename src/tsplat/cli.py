@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import rich_click as click
 
-from tsplat import __version__
-from tsplat.arguments import DEMO, POINT, Triples, ViewByDefault, scene_name
+from tsplat import __version__, numerals
+from tsplat.arguments import DEMO, POINT, Number, Triples, ViewByDefault, Whole, scene_name
 from tsplat.bench.command import bench
 from tsplat.cache.command import cache
 from tsplat.convert.command import convert
@@ -43,6 +43,8 @@ PRINTED_COLUMNS, ROWS_PER_COLUMN = 80, 0.3
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit status: 0, 2 after an error, 130 after Ctrl-C."""
+    numerals.drop_wrong_sizes(os.environ)
+    click.rich_click.WIDTH = click.rich_click.MAX_WIDTH = None  # TERMINAL_WIDTH, as it was when this was imported
     with tidy_end(), standard_streams(), warnings.catch_warnings():
         warnings.simplefilter("always", LoadWarning)
         warnings.showwarning = _show_warning
@@ -99,19 +101,19 @@ def command() -> None:
 @shared("up", "antialias", "sh-degree", "background", "fov-y", "train-focal", *READING, "threads")
 @click.option(
     "--latency",
-    type=click.FloatRange(10, 10_000),
+    type=Number(10, 10_000),
     default=100,
     show_default=True,
     metavar="MS",
     help="How long a frame may take on its way while the view moves.",
 )
-@click.option("--budget", type=click.IntRange(0), metavar="N",
+@click.option("--budget", type=Whole(0), metavar="N",
               help="Splats a frame gets while the view moves, merged where that shows least; 0: all. "
               "[2.5 a pixel]")  # fmt: skip
 @click.option("--dither", is_flag=True, help="Mix the colours that sixel's palette lacks, in more bytes.")
-@click.option("--width", type=click.IntRange(1, 1000), metavar="COLUMNS",
+@click.option("--width", type=Whole(1, 1000), metavar="COLUMNS",
               help="Columns of a printed picture. [COLUMNS, else 80]")  # fmt: skip
-@click.option("--height", type=click.IntRange(1, 1000), metavar="ROWS", help="Rows of a printed picture.")
+@click.option("--height", type=Whole(1, 1000), metavar="ROWS", help="Rows of a printed picture.")
 @click.pass_context
 def view(context: click.RichContext, /, scene: str, output: str | None, up: Vector | None, fov_y: float,
          latency: float, budget: int | None, dither: bool, width: int | None, height: int | None,
@@ -140,8 +142,8 @@ def view(context: click.RichContext, /, scene: str, output: str | None, up: Vect
 @click.option(
     "-o", "--output", required=True, metavar="FILE", help=".png, .jpg, .webp, or .npy with float32 RGBA."
 )
-@click.option("--width", type=click.IntRange(1, 16384), default=SIZE[0], show_default=True, help="Pixels across.")
-@click.option("--height", type=click.IntRange(1, 16384), default=SIZE[1], show_default=True, help="Pixels down.")
+@click.option("--width", type=Whole(1, 16384), default=SIZE[0], show_default=True, help="Pixels across.")
+@click.option("--height", type=Whole(1, 16384), default=SIZE[1], show_default=True, help="Pixels down.")
 @click.option("--eye", type=POINT, metavar="X Y Z", help="Where the camera is. [where the scene is in view]")
 @click.option("--target", type=POINT, metavar="X Y Z", help="What it looks at. [the scene's middle]")
 @shared("up", "fov-y", "sh-degree", "antialias", "background", "train-focal", *READING, "threads")
@@ -196,8 +198,7 @@ def _camera(
 
 def _printed_size(columns: int | None, rows: int | None) -> tuple[int, int]:
     if columns is None:
-        text = os.environ.get("COLUMNS", "")
-        columns = int(text) if text.isdigit() and 1 <= int(text) <= 1000 else PRINTED_COLUMNS
+        columns = numerals.columns(os.environ) or PRINTED_COLUMNS
     return columns, rows or max(1, round(ROWS_PER_COLUMN * columns))
 
 

@@ -17,6 +17,7 @@ import platformdirs
 
 from tsplat.errors import OptionError, SaveError
 from tsplat.files import replacing
+from tsplat.numerals import finite
 from tsplat.own_files import is_own_file, is_private, make_private
 
 SIZE_VARIABLE = "TSPLAT_CACHE_GB"
@@ -56,9 +57,9 @@ def bound() -> int:
         ``TSPLAT_CACHE_GB`` is no number of gigabytes.
     """
     if text := os.environ.get(SIZE_VARIABLE, ""):
-        with suppress(ValueError):
-            if 0.0 <= float(text) < 1e9:
-                return round(1e9 * float(text))
+        gigabytes = finite(text)
+        if gigabytes is not None and 0.0 <= gigabytes < 1e9:
+            return round(1e9 * gigabytes)
         raise OptionError(f"{SIZE_VARIABLE} must be gigabytes, 0 or more, got {text!r}")
     with suppress(OSError):
         place = folder()

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import rich_click as click
 from click.core import ParameterSource
 
-from tsplat.arguments import BACKGROUND, LEVEL, UP, scene_source
+from tsplat.arguments import BACKGROUND, LEVEL, UP, Number, Whole, scene_source
 from tsplat.progress import loading
 from tsplat.rendering import ANTIALIAS, TRAIN_FOCAL_GUESS, Antialias, RenderOptions
 from tsplat.warmup import WarmUp
@@ -35,10 +35,10 @@ def shared(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     known = {
         "up": click.option("--up", type=UP, help="What is up: x, y, z, -x, -y, -z or three numbers. [guessed]"),
         "antialias": click.option("--antialias", type=click.Choice(ANTIALIAS), help=ANTIALIAS_HELP),
-        "sh-degree": click.option("--sh-degree", type=click.IntRange(0, 4), default=4, show_default=True,
+        "sh-degree": click.option("--sh-degree", type=Whole(0, 4), default=4, show_default=True,
                                   help="Highest degree of spherical harmonics."),
-        "threads": click.option("--threads", type=click.IntRange(0, 1024), default=0, help="0 means all. [0]"),
-        "max-splats": click.option("--max-splats", type=click.IntRange(1), metavar="N",
+        "threads": click.option("--threads", type=Whole(0, 1024), default=0, help="0 means all. [0]"),
+        "max-splats": click.option("--max-splats", type=Whole(1), metavar="N",
                                    help="Keep the N splats with the largest opacity times area. [all]"),
         "raw-opacity": click.option("--raw-opacity", is_flag=True,
                                     help="The file holds opacities from 0 to 1, not their logits."),
@@ -48,9 +48,9 @@ def shared(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
         "lod": click.option("--lod", type=LEVEL, default="0", metavar="N|all",
                             help="Level of detail of a streamed scene, 0 the finest, or all of them. "
                             "[view: all, one at a time; else 0]"),
-        "fov-y": click.option("--fov-y", type=click.FloatRange(0, 180, True, True), default=FOV_Y,
+        "fov-y": click.option("--fov-y", type=Number(0.001, 179.999), default=FOV_Y,
                               show_default=True, metavar="DEGREES", help="Vertical field of view."),
-        "train-focal": click.option("--train-focal", type=click.FloatRange(0, min_open=True), metavar="PIXELS",
+        "train-focal": click.option("--train-focal", type=Number(0.001, 1_000_000), metavar="PIXELS",
                                     help="Focal length of the training pictures, for --antialias relative. "
                                     "[cameras.json or transforms.json beside the scene, else 1100]"),
         "background": click.option("--background", type=BACKGROUND, default="black", show_default=True,

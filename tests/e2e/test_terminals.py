@@ -79,8 +79,10 @@ def test_a_terminal_of_another_size_is_filled_again(visit: Open, case: Case) -> 
     viewer.until_alike()
 
 
-@pytest.mark.parametrize("number", [None, signal.SIGTERM], ids=["q", "SIGTERM"])
-@pytest.mark.parametrize("case", ONCE_EACH, ids=str)
+LEFT_BY = [(case, number) for case in ONCE_EACH for number in (None, signal.SIGTERM)] + [(KITTY, signal.SIGSEGV)]
+
+
+@pytest.mark.parametrize(("case", "number"), LEFT_BY, ids=str)
 def test_the_shell_finds_its_screen_and_its_tty_as_they_were(
     visit: Open, case: Case, number: signal.Signals | None
 ) -> None:
@@ -94,7 +96,7 @@ def test_the_shell_finds_its_screen_and_its_tty_as_they_were(
         viewer.terminal.tap("q")
 
     status, modes = viewer.file("after").split("\n", 1)
-    assert status == str(128 + number if number else 0)
+    assert status == {None: "0", signal.SIGTERM: "143", signal.SIGSEGV: "-11"}[number]
     assert modes == viewer.file("before")
     assert {"echo", "icanon", "isig"} <= set(modes.replace(";", " ").split())
     viewer.until(lambda: np.array_equal(viewer.terminal.screen(), viewer.before), "screen as before")

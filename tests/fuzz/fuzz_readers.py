@@ -50,10 +50,11 @@ TARGETS = {
     "transforms-png": ("transforms.json",),
     "transforms-jpeg": ("transforms.json of JPEG",),
     "transforms-webp": ("transforms.json of WebP",),
+    "tsplat": ("tsplat",),
 }
 """Which honest files each target begins with; they lie in one kind of place, a file of one name or a folder."""
 
-DEFAULTS = ("-timeout=10", "-rss_limit_mb=2048", "-max_len=16384", "-print_final_stats=1", "-detect_leaks=0")
+DEFAULTS = ("-timeout=10", "-rss_limit_mb=2048", "-max_len=32768", "-print_final_stats=1", "-detect_leaks=0")
 
 ROOM_BYTES = 1 << 30
 """What the process may grow by: NumPy asks for memory that it never touches, which libFuzzer does not see."""

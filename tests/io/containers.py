@@ -20,6 +20,8 @@ from PIL import Image
 
 from tests.io.gltfs import glb
 from tests.io.sogs import webp, zipped
+from tests.io.tsplats import TABLE_AT, mended
+from tsplat.io.tsplat_header import header_bytes
 
 MOST_BYTES = 1 << 20
 """Containers that hold more are left closed: a change is to be made in no time."""
@@ -104,10 +106,19 @@ def _open_glb(raw: bytes) -> Opened:
     return Opened([raw[20 : 20 + size], raw[28 + size :]], lambda parts: glb(parts[0], parts[1]))
 
 
+def _open_tsplat(raw: bytes) -> Opened:
+    """Open the header, and all that is behind it."""
+    end = header_bytes(struct.unpack_from("<I", raw, TABLE_AT)[0])
+    if end >= len(raw):
+        raise ValueError
+    return Opened([raw[:end], raw[end:]], lambda parts: mended(b"".join(parts)))
+
+
 OPENERS: dict[bytes, Callable[[bytes], Opened]] = {
     b"\x1f\x8b": _open_gzip,
     b"PK\x03\x04": _open_zip,
     b"RIFF": _open_webp,
     b"glTF": _open_glb,
     b"NGSP\x04\0\0\0": _open_spz,
+    b"TSPLAT": _open_tsplat,
 }

@@ -19,6 +19,7 @@ from tests.io.plys import Table, ply_bytes, splat_names, splats
 from tests.io.splats import record
 from tests.io.spzs import SH_VALUES, Splat, bare, framed, zipped
 from tests.io.test_npz import named, trained
+from tests.io.tsplats import small
 from tests.scenes import random_gaussians
 from tsplat.io.gltf_packed import SPZ
 
@@ -126,6 +127,7 @@ HONEST: dict[str, Files] = {
     "SOG in a folder": _folder(sogs.made_up(RNG)),
     "SOG 1 in a folder": _folder(sogs.made_up_old(RNG, 0)),
     "SOG, streamed": _streamed(),
+    "tsplat": {"scene.tsplat": small()},
 }
 
 

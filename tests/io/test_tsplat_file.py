@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import gc
 import io
+import os
 import struct
 import zlib
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -17,7 +20,7 @@ from tsplat.errors import CorruptFileError, LoadError, SaveError
 from tsplat.io import load, save
 from tsplat.io.tsplat_file import write
 from tsplat.io.tsplat_header import HEADER, SECTION, Counts, Header, packed, parse
-from tsplat.io.tsplat_map import is_tsplat, open_mapped
+from tsplat.io.tsplat_map import Opened, is_tsplat, open_file, open_mapped
 
 COUNTS = Counts(splats=300, blocks=3, coefficients=3, sampled=9)
 NAMES = tuple(COUNTS.arrays)
@@ -25,7 +28,10 @@ NAMES = tuple(COUNTS.arrays)
 
 def plausible() -> dict[str, list[Any]]:
     rng, arrays = np.random.default_rng(1), COUNTS.arrays.items()
-    return {name: [rng.uniform(0.1, 0.9, length).astype(dtype)] for name, (dtype, length) in arrays}
+    made = {name: [rng.uniform(0.1, 0.9, length).astype(dtype)] for name, (dtype, length) in arrays}
+    for name in ("quats", "sample_quats"):
+        made[name][0].reshape(-1, 4)[:] /= np.linalg.norm(made[name][0].reshape(-1, 4), axis=1, keepdims=True)
+    return made
 
 
 @pytest.fixture(scope="module")
@@ -225,6 +231,8 @@ def test_sections_that_nobody_knows_are_passed_over(path: Path, whole: bytes) ->
     [
         ("means", np.nan, "means must be finite"),
         ("quats", np.inf, "quats must be finite"),
+        ("quats", 0.0, "quats must be of unit length"),
+        ("quats", 1e30, "quats must be of unit length"),
         ("scales", -1.0, "scales must lie in"),
         ("opacities", 1.5, "opacities must lie in"),
         ("sh_first", np.nan, "sh must be finite"),
@@ -249,3 +257,48 @@ def test_a_scene_without_harmonics_has_an_empty_section(tmp_path: Path) -> None:
         write(file, counts, False, arrays)
     assert load(path).sh_degree == 0
     np.testing.assert_array_equal(load(path).sh, cloud.sh)
+
+
+@pytest.mark.parametrize("fraction", [0.0, 0.3, 0.69])
+def test_a_file_that_becomes_shorter_while_it_is_loaded_is_one_line(path: Path, fraction: float) -> None:
+    def cut(done: float) -> None:
+        if done > fraction:
+            os.truncate(path, 5000)
+
+    with pytest.raises(CorruptFileError, match="was longer when it was opened"):
+        load(path, progress=cut)
+
+
+def test_whether_all_of_a_map_is_still_there_is_known_before_it_is_looked_at(path: Path, whole: bytes) -> None:
+    mapped = open_mapped(path)
+    mapped.check_size()
+    for size in (len(whole) - 1, 5000, 0):
+        os.truncate(path, size)
+        with pytest.raises(CorruptFileError, match="was longer when it was opened") as caught:
+            mapped.check_size()
+        assert caught.value.offset == size
+    path.write_bytes(whole + b"more")
+    mapped.check_size()
+
+
+def test_another_file_in_its_place_is_noticed_and_harms_nothing(path: Path, whole: bytes) -> None:
+    mapped = open_mapped(path)
+    assert mapped.stamp_now() == mapped.stamp
+    path.with_name("other").write_bytes(whole)
+    path.with_name("other").replace(path)
+    assert mapped.stamp_now() != mapped.stamp
+    mapped.check_size()
+    path.unlink()
+    assert mapped.stamp_now() is None
+    mapped.check_size()
+
+
+@pytest.mark.parametrize("open_it", [open_file, open_mapped])
+def test_no_file_stays_open_when_it_is_forgotten(path: Path, open_it: Callable[[Path], Opened]) -> None:
+    opened = open_it(path)
+    number = opened.file.fileno()
+    os.fstat(number)
+    del opened
+    gc.collect()
+    with pytest.raises(OSError, match="Bad file descriptor"):
+        os.fstat(number)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -181,6 +183,46 @@ def test_what_was_let_go_is_not_in_memory(path: Path, tmp_path: Path) -> None:
     assert in_memory(own) > 500
     fresh.let_go()
     assert in_memory(own) == 0
+
+
+SHRINKS = """
+import os, sys, tsplat
+from tsplat.errors import CorruptFileError
+from tsplat.lod import Cut, open_stored, rasterize_all, rasterize_within
+from tsplat.rendering import RenderOptions
+
+path, options = sys.argv[1], RenderOptions(depths=False, threads=2)
+camera = tsplat.Camera.look_at((0, -1, -4), (0, 0, 0), (0, -1, 0), width=48, height=32, fov_y=55.0)
+scene = open_stored(path)
+cut, whole = Cut(scene.tree), os.path.getsize(path)
+ways = {
+    "cut": lambda: cut.blocks(camera, options, 600),
+    "all": lambda: rasterize_all(scene, camera, options),
+    "within": lambda: rasterize_within(scene, camera, options, 600, cut),
+    "render": lambda: tsplat.render(scene, camera),
+    "lod": lambda: tsplat.render(scene, camera, lod=600),
+}
+for name, way in ways.items():
+    os.truncate(path, whole)
+    way()
+    os.truncate(path, 5000)
+    try:
+        way()
+    except CorruptFileError as error:
+        print(name, error)
+"""
+
+
+def test_a_file_that_becomes_shorter_while_it_is_drawn_is_one_line_and_no_bus_error(
+    path: Path, tmp_path: Path
+) -> None:
+    own = tmp_path / "own.tsplat"
+    own.write_bytes(path.read_bytes())
+    done = subprocess.run([sys.executable, "-c", SHRINKS, str(own)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert [line.split()[0] for line in lines] == ["cut", "all", "within", "render", "lod"]
+    assert all("own.tsplat: at byte 5000: ends, but was longer when it was opened" in line for line in lines)
 
 
 @pytest.mark.parametrize("n", [1, 255, 256, 257])

@@ -345,6 +345,6 @@ def test_files_of_this_machine_are_nothing_to_a_terminal_far_away() -> None:
 
 
 def test_only_sizes_that_were_answered_are_asked_again() -> None:
-    assert size_questions(Profile()) == b""
-    assert size_questions(Profile(cell_size=(9, 18))) == b"\x1b[16t"
-    assert size_questions(Profile(window_size=(9, 18))) == b"\x1b[14t"
+    assert size_questions(Profile()) == {}
+    assert size_questions(Profile(cell_size=(9, 18))) == {6: b"\x1b[16t"}
+    assert size_questions(Profile(window_size=(9, 18))) == {4: b"\x1b[14t"}

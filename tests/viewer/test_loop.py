@@ -83,6 +83,7 @@ class FakePainter(Painter):
     left_behind = b""
     merges = False
     read = 1.0
+    file = None
 
     def __init__(self) -> None:
         self.encoder = None

@@ -19,6 +19,7 @@ import pytest
 
 from tests.scenes import random_gaussians
 from tsplat.io import save
+from tsplat.lod import store
 
 DEADLINE = 60.0
 """Seconds: kernels may have to be compiled."""
@@ -181,12 +182,19 @@ def test_a_piped_scene_leaves_the_keys_to_the_terminal(terminal: Callable[..., T
     whole_again(shown, "status=0")
 
 
+def largest(pid: int) -> int:
+    """Return the most kilobytes that a process has had in memory."""
+    status = Path(f"/proc/{pid}/status")
+    lines = status.read_text().splitlines() if status.exists() else []
+    return next((int(line.split()[1]) for line in lines if line.startswith("VmHWM")), 0)
+
+
 def child_of(pid: int) -> int:
     (child,) = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
     return int(child)
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGBUS, signal.SIGUSR1])
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs Linux's list of child processes")
 def test_a_signal_ends_the_viewer_and_gives_the_terminal_back(
     terminal: Callable[..., Terminal], number: signal.Signals
@@ -194,3 +202,42 @@ def test_a_signal_ends_the_viewer_and_gives_the_terminal_back(
     shown = terminal("--output", "half")
     os.kill(child_of(shown.process.pid), number)
     whole_again(shown, f"status={128 + number}")
+
+
+def test_a_scene_on_disk_that_shrinks_while_it_turns_is_a_line_and_a_key_loads_it_again(tmp_path: Path) -> None:
+    scene = tmp_path / "x.tsplat"
+    with scene.open("wb") as file:
+        store(file, random_gaussians(np.random.default_rng(8), 3000, sh_degree=1), 1, lambda _: None)
+    whole = scene.read_bytes()
+    shown = Terminal(scene, "--output", "half", "--budget", "500")
+    shown.until(lambda: "splats" in shown.text, "first frame")
+    shown.send(b"o")
+    turning = shown.colors()
+    shown.until(lambda: shown.colors() != turning, "motion")
+    os.truncate(scene, 5000)
+    shown.until(lambda: "the file changed; Ctrl-R loads it again" in shown.text, "notice")
+    shown.send(b"\x12")
+    shown.until(lambda: "but ends at 5000" in shown.text, "reason")
+    scene.write_bytes(whole)
+    shown.send(b"\x12")
+    shown.until(lambda: "loaded again" in shown.text, "scene")
+    turning = shown.colors()
+    shown.until(lambda: shown.colors() != turning, "motion again")
+    shown.send(b"q")
+    whole_again(shown, "status=0")
+    shown.process.close(force=True)
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="only Linux tells")
+def test_a_terminal_that_claims_to_be_larger_than_any_screen_takes_little_memory(
+    terminal: Callable[..., Terminal],
+) -> None:
+    shown = terminal("--output", "half")
+    viewer = child_of(shown.process.pid)
+    shown.until_it_rests()
+    shown.stream = pyte.ByteStream(pyte.Screen(COLUMNS, ROWS))  # which need not draw what follows
+    before, seen = largest(viewer), len(shown.received)
+    shown.process.setwinsize(10_000, 10_000)
+    shown.until(lambda: len(shown.received) > seen + (1 << 20), "large picture")
+    assert largest(viewer) - before < 300_000
+    os.kill(viewer, signal.SIGKILL)

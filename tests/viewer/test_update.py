@@ -14,7 +14,7 @@ from tests.viewer.states import START, a_state
 from tsplat.camera import PITCH_LIMIT, Pose
 from tsplat.terminal.keys import Focus, Key, Mouse, Resize, TerminalSize
 from tsplat.viewer.settings import SETTINGS
-from tsplat.viewer.state import AUTO_ORBIT, TAP, Notice, Tick, ViewerState, overlay, picture
+from tsplat.viewer.state import AUTO_ORBIT, TAP, Loaded, Notice, Tick, ViewerState, overlay, picture
 from tsplat.viewer.update import COMMANDS, MOTION_KEYS, Event, update
 
 NAMES = [*MOTION_KEYS, *(name.upper() for name in MOTION_KEYS if len(name) == 1), *COMMANDS]
@@ -298,8 +298,8 @@ def test_ctrl_c_quits_while_a_panel_is_open() -> None:
 
 
 def test_p_and_ctrl_z_ask_the_loop_once_for_each_press() -> None:
-    state = after(a_state(), Key("p"), Key("p", "repeat"), Key("p", "release"), Key("ctrl+z"))
-    assert (state.pictures, state.suspends) == (1, 1)
+    state = after(a_state(), Key("p"), Key("p", "repeat"), Key("p", "release"), Key("ctrl+z"), Key("ctrl+r"))
+    assert (state.pictures, state.suspends, state.reloads) == (1, 1, 1)
 
 
 def test_a_message_stays_until_the_next_key() -> None:
@@ -339,3 +339,11 @@ def test_resizing_and_resuming_ask_for_a_new_screen() -> None:
 @given(states, st.sampled_from(["tab", "?", "p", "x"]))
 def test_what_only_changes_text_leaves_the_picture(state: ViewerState, name: str) -> None:
     assert picture(press(state, name)) == picture(state)
+
+
+def test_a_scene_that_was_loaded_again_changes_what_is_known_of_it_and_not_the_view() -> None:
+    before = after(a_state(on_disk=True), Key("w"))
+    state = update(before, Loaded(77, 1))
+    assert (state.total, state.kept, state.scene_degree) == (77, 77, 1)
+    assert (state.pose, state.held, state.options) == (before.pose, before.held, before.options)
+    assert state.message == "loaded again"

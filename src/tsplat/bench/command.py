@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import rich_click as click
 
-from tsplat.arguments import DEMO, scene_name
+from tsplat.arguments import DEMO, Whole, scene_name
 from tsplat.options import load_scene, shared
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ class Size(click.ParamType):  # type: ignore[type-arg]
         """Return a tuple of two ints."""
         if isinstance(value, tuple):
             return value
-        sides = re.fullmatch(r"(\d{1,5})x(\d{1,5})", value)
+        sides = re.fullmatch(r"([0-9]{1,5})x([0-9]{1,5})", value)
         if not sides or not all(1 <= int(side) <= 16384 for side in sides.groups()):
             self.fail(f"{value!r} is not a size WxH, each side 1 to 16384 pixels", param, ctx)
         return int(sides[1]), int(sides[2])
@@ -53,7 +53,7 @@ class ThreadCounts(click.ParamType):  # type: ignore[type-arg]
         if isinstance(value, tuple):
             return value
         words = value.split(",")
-        if not all(re.fullmatch(r"\d{1,4}", word) and 1 <= int(word) <= 1024 for word in words):
+        if not all(re.fullmatch(r"[0-9]{1,4}", word) and 1 <= int(word) <= 1024 for word in words):
             self.fail(f"{value!r} is not a list of thread counts like 1,2,4, each 1 to 1024", param, ctx)
         return tuple(dict.fromkeys(map(int, words)))
 
@@ -68,7 +68,7 @@ class Sizes(click.RichCommand):
             word, *args = args
             if word == "--size" and args:
                 word, args = f"--size={args[0]}", args[1:]
-            elif spread and spread[-1].startswith("--size=") and re.fullmatch(r"\d+x\d+", word):
+            elif spread and spread[-1].startswith("--size=") and re.fullmatch(r"[0-9]+x[0-9]+", word):
                 word = f"--size={word}"
             spread.append(word)
         return super().parse_args(ctx, spread)
@@ -80,7 +80,7 @@ class Sizes(click.RichCommand):
               help="Sizes of the picture in pixels. [240x160 1280x720]")  # fmt: skip
 @click.option("--threads", "thread_counts", type=ThreadCounts(), metavar="1,2,4",
               help="Numbers of threads to compare. [one, and all]")  # fmt: skip
-@click.option("--frames", type=click.IntRange(1, 100_000), default=FRAMES, show_default=True, metavar="N",
+@click.option("--frames", type=Whole(1, 100_000), default=FRAMES, show_default=True, metavar="N",
               help="Frames to time of each view, after the first two.")  # fmt: skip
 @shared("spz-frame", "lod")
 @click.option("--json", "as_json", is_flag=True, help="As JSON, for programs.")

@@ -10,7 +10,7 @@ from typing import Any
 
 import rich_click as click
 
-from tsplat.arguments import InOrder, Numbers
+from tsplat.arguments import InOrder, Number, Numbers, Whole
 from tsplat.options import READING, reading, shared
 
 WIDTH = 115
@@ -32,7 +32,7 @@ class Amount(click.ParamType):  # type: ignore[type-arg]
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the text."""
-        known = re.fullmatch(r"(\d{1,12})|(\d{1,3}(?:\.\d+)?)%", value)
+        known = re.fullmatch(r"([0-9]{1,12})|([0-9]{1,3}(?:\.[0-9]{1,20})?)%", value)
         if not known or not (int(known[1]) >= 1 if known[1] else 0 < float(known[2]) <= 100):
             self.fail(f"{value!r} is neither a number of splats, 1 or more, nor a percentage like 25%", param, ctx)
         return value
@@ -41,18 +41,18 @@ class Amount(click.ParamType):  # type: ignore[type-arg]
 EDITS = (
     ("--crop-box", BOX, "X0,Y0,Z0,X1,Y1,Z1", "Keep splats whose centres are between two corners."),
     ("--crop-sphere", SPHERE, "X,Y,Z,R", "Keep splats whose centres are at most R from X,Y,Z."),
-    ("--min-opacity", click.FloatRange(0, 1), "A", "Remove splats of a lower opacity."),
-    ("--max-scale", click.FloatRange(0), "S",
+    ("--min-opacity", Number(0, 1), "A", "Remove splats of a lower opacity."),
+    ("--max-scale", Number(0), "S",
      "Remove splats whose longest standard deviation is more, in world units."),
     ("--remove-floaters", FLOATERS, "[SIGMAS]",
      "Remove splats that are alone: farther from their 16 nearest, for their sizes, than the mean by so many "
      "standard deviations. Fewer remove more. [2]"),
     ("--decimate", Amount(), "N|N%",
      "Merge splats until so many are left, those first whose merging changes least."),
-    ("--sh-degree", click.IntRange(0, 4), "D", "Leave out spherical harmonics above this degree."),
+    ("--sh-degree", Whole(0, 4), "D", "Leave out spherical harmonics above this degree."),
     ("--rotate", POINT, "X,Y,Z", "Turn by degrees about the x axis, then about y, then about z."),
     ("--translate", POINT, "X,Y,Z", "Shift, in world units."),
-    ("--scale", click.FloatRange(0, min_open=True), "F", "Scale about the origin."),
+    ("--scale", Number(0, min_open=True), "F", "Scale about the origin."),
 )  # fmt: skip
 """Options that are edits: their names, kinds, placeholders and helps."""
 

@@ -18,7 +18,7 @@ from tsplat.errors import CorruptFileError, SceneError
 from tsplat.importance import importance, most_important
 from tsplat.io.options import LoadOptions
 from tsplat.io.tsplat_header import Counts, Header, Section, header_bytes, nbytes_of, next_section, packed
-from tsplat.io.tsplat_map import Array, Mapped, matches, open_mapped
+from tsplat.io.tsplat_map import Array, Opened, matches, open_file
 from tsplat.scene import Gaussians
 
 __all__ = ["matches", "read", "write"]
@@ -27,6 +27,9 @@ F32 = npt.NDArray[np.float32]
 
 CHUNK = 1 << 16
 """Splats whose harmonics are unpacked at a time, whole blocks."""
+
+LENGTH_ERROR = 1e-4
+"""By how much the squared length of a quat may differ from 1: a hundred times what float32 makes of it."""
 
 READING = 0.7
 """The share that checking the file has in all there is to do: most of the time goes into fetching it."""
@@ -42,17 +45,17 @@ def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) ->
     CorruptFileError
         Header, checksums and contents contradict each other, or the file ends early.
     """
-    mapped = open_mapped(path)
-    whole, done = sum(section.nbytes for section in mapped.header.sections.values()), 0
+    opened = open_file(path)
+    whole, done = sum(section.nbytes for section in opened.header.sections.values()), 0
 
     def heard(nbytes: int) -> None:
         nonlocal done
         done += nbytes
         progress(READING * done / whole)
 
-    for name in mapped.arrays:
-        mapped.check(name, heard)
-    gaussians = _scene(mapped, lambda fraction: progress(READING + (1.0 - READING) * fraction))
+    for name in opened.header.counts.arrays:
+        opened.check(name, heard)
+    gaussians = _scene(opened, lambda fraction: progress(READING + (1.0 - READING) * fraction))
     if options.max_splats is not None and options.max_splats < len(gaussians):
         scores = importance(gaussians.scales, gaussians.opacities)
         gaussians = gaussians.take(np.flatnonzero(most_important(scores, options.max_splats)))
@@ -60,7 +63,7 @@ def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) ->
     return gaussians
 
 
-def sample(mapped: Mapped) -> Gaussians:
+def sample(opened: Opened) -> Gaussians:
     """Return some splats of a scene, without harmonics: what `tsplat.framing` needs to know of all of them.
 
     Raises
@@ -70,46 +73,53 @@ def sample(mapped: Mapped) -> Gaussians:
     """
     names = ("sample_means", "sample_quats", "sample_scales", "sample_opacities")
     for name in names:
-        mapped.check(name)
-    means, quats, scales, opacities = (mapped.arrays[name].copy() for name in names)
+        opened.check(name)
+    means, quats, scales, opacities = map(opened.part, names)
     sh = np.zeros((len(opacities), 1, 3), np.float32)
-    return _checked(mapped, means.reshape(-1, 3), quats.reshape(-1, 4), scales.reshape(-1, 3), opacities, sh)
+    return _checked(opened, means.reshape(-1, 3), quats.reshape(-1, 4), scales.reshape(-1, 3), opacities, sh)
 
 
-def _scene(mapped: Mapped, progress: Callable[[float], None]) -> Gaussians:
-    arrays, n = mapped.arrays, mapped.header.counts.splats
+def _scene(opened: Opened, progress: Callable[[float], None]) -> Gaussians:
+    n, padded = opened.header.counts.splats, opened.header.counts.padded
+    means = np.empty((n, 3), np.float32)
+    for axis in range(3):
+        means[:, axis] = opened.part("means", axis * padded, axis * padded + n)
     return _checked(
-        mapped,
-        np.ascontiguousarray(arrays["means"].reshape(3, -1)[:, :n].T),
-        arrays["quats"].reshape(-1, 4).copy(),
-        arrays["scales"].reshape(-1, 3).copy(),
-        arrays["opacities"].copy(),
-        _harmonics(mapped, progress),
+        opened,
+        means,
+        opened.part("quats").reshape(-1, 4),
+        opened.part("scales").reshape(-1, 3),
+        opened.part("opacities"),
+        _harmonics(opened, progress),
     )
 
 
-def _harmonics(mapped: Mapped, progress: Callable[[float], None]) -> F32:
+def _harmonics(opened: Opened, progress: Callable[[float], None]) -> F32:
     """Return the harmonics of the finest level, which lie by eight splats, coefficient, channel, splat."""
-    n, coefficients = mapped.header.counts.splats, mapped.header.counts.coefficients
+    n, coefficients = opened.header.counts.splats, opened.header.counts.coefficients
     sh = np.empty((n, 1 + coefficients, 3), np.float32)
-    sh[:, 0] = mapped.arrays["sh_first"].reshape(-1, 3)
+    sh[:, 0] = opened.part("sh_first").reshape(-1, 3)
     if coefficients:
-        eights = mapped.arrays["sh_rest"].view(np.float16).reshape(-1, coefficients, 3, 8)
+        values = 3 * coefficients
         for first in range(0, n, CHUNK):
-            part = eights[first // 8 : (first + CHUNK) // 8].transpose(0, 3, 1, 2).reshape(-1, coefficients, 3)
             end = min(first + CHUNK, n)
+            eights = opened.part("sh_rest", first * values, -(-end // 8) * 8 * values).view(np.float16)
+            part = eights.reshape(-1, coefficients, 3, 8).transpose(0, 3, 1, 2).reshape(-1, coefficients, 3)
             sh[first:end, 1:] = part[: end - first]
             progress(end / n)
     return sh
 
 
-def _checked(mapped: Mapped, means: F32, quats: F32, scales: F32, opacities: F32, sh: F32) -> Gaussians:
+def _checked(opened: Opened, means: F32, quats: F32, scales: F32, opacities: F32, sh: F32) -> Gaussians:
     # The quats are of unit length; dividing by it once more would change their last bits, and the picture's.
     try:
         with np.errstate(all="ignore"), warnings.catch_warnings():
-            return Gaussians(means, quats, scales, opacities, sh, mapped.header.antialiased)
+            gaussians = Gaussians(means, quats, scales, opacities, sh, opened.header.antialiased)
+            if not (np.abs(np.einsum("ij,ij->i", quats, quats) - 1.0) < LENGTH_ERROR).all():
+                raise SceneError("quats must be of unit length")
+            return gaussians
     except SceneError as error:
-        raise CorruptFileError(mapped.path, f"{error}; make the file again with tsplat optimize") from error
+        raise CorruptFileError(opened.path, f"{error}; make the file again with tsplat optimize") from error
 
 
 def write(file: BinaryIO, counts: Counts, antialiased: bool, arrays: Mapping[str, Iterable[Array]]) -> None:

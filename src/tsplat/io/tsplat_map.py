@@ -1,13 +1,20 @@
-"""A .tsplat file mapped into memory: arrays that are read when they are looked at, however many there are."""
+"""A .tsplat file: read piece by piece, or mapped into memory, to be read when it is looked at.
+
+A map of a file that became shorter ends the process that looks at what is gone. So what reads a file whole never
+maps it, and who looks at a map asks `Mapped.check_size` before.
+"""
 
 from __future__ import annotations
 
 import mmap
 import os
+import weakref
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass
+from io import FileIO
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -37,8 +44,17 @@ def is_tsplat(path: Path) -> bool:
         return False
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Mapped:
+class Stamp(NamedTuple):
+    """Which file it is, and when it was written last: another one where anything of it is another."""
+
+    device: int
+    inode: int
+    nbytes: int
+    modified: int
+
+
+@dataclass(frozen=True, eq=False, slots=True, weakref_slot=True)
+class Opened:
     """An open file.
 
     Attributes
@@ -47,21 +63,29 @@ class Mapped:
         For errors.
     header : Header
         What it says, which agrees with its size.
-    arrays : dict of str to ndarray
-        Flat, by the names of their sections; read-only.
-    memory : mmap
-        What they lie in.
+    file : FileIO
+        Closed when this is forgotten.
+    stamp : Stamp
+        What it was on opening.
     """
 
     path: Path
     header: Header
-    arrays: dict[str, Array]
-    memory: mmap.mmap
+    file: FileIO
+    stamp: Stamp
 
-    def let_go(self) -> None:
-        """Hold nothing that was read so far in memory; what is looked at again is read again."""
-        if hasattr(mmap, "MADV_DONTNEED"):
-            self.memory.madvise(mmap.MADV_DONTNEED)
+    def part(self, name: str, first: int = 0, last: int | None = None) -> Array:
+        """Read values of a section, by default all.
+
+        Raises
+        ------
+        CorruptFileError
+            The file became shorter.
+        """
+        dtype, length = self.header.counts.arrays[name]
+        array = np.empty((length if last is None else min(last, length)) - first, np.dtype(dtype))
+        self._fill(array.view(np.uint8), self.header.sections[name].offset + first * array.itemsize)
+        return array.view(array.dtype.newbyteorder("="))
 
     def check(self, name: str, progress: Callable[[int], None] = lambda _: None) -> None:
         """Read a section, and compare it with its checksum; ``progress`` hears how many bytes were read.
@@ -69,22 +93,70 @@ class Mapped:
         Raises
         ------
         CorruptFileError
-            They differ.
+            They differ, or the file became shorter.
         """
         from isal import isal_zlib
 
         section, checksum = self.header.sections[name], 0
-        values = self.arrays[name].view(np.uint8)
-        for first in range(0, len(values), CHECKED_BYTES):
-            part = values[first : first + CHECKED_BYTES]
+        room = np.empty(min(CHECKED_BYTES, section.nbytes), np.uint8)
+        for first in range(0, section.nbytes, CHECKED_BYTES):
+            part = room[: section.nbytes - first]
+            self._fill(part, section.offset + first)
             checksum = isal_zlib.crc32(part.data, checksum)
             progress(len(part))
         if checksum != section.checksum:
             problem = f"section {name!r} is not what its checksum says; fetch it again"
             raise CorruptFileError(self.path, problem, section.offset)
 
+    def _fill(self, target: npt.NDArray[np.uint8], offset: int) -> None:
+        self.file.seek(offset)
+        while len(target):
+            count = self.file.readinto(target.data)
+            if not count:
+                raise _shorter(self.path, self.file.tell())
+            target = target[count:]
 
-def open_mapped(path: Path) -> Mapped:
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Mapped(Opened):
+    """An open file in memory.
+
+    Attributes
+    ----------
+    arrays : dict of str to ndarray
+        Flat, by the names of their sections; read-only.
+    memory : mmap
+        What they lie in.
+    """
+
+    arrays: dict[str, Array]
+    memory: mmap.mmap
+
+    def check_size(self) -> None:
+        """Check, in a microsecond, that all of it is still there to be looked at.
+
+        Raises
+        ------
+        CorruptFileError
+            The file became shorter.
+        """
+        if (size := os.fstat(self.file.fileno()).st_size) < len(self.memory):
+            raise _shorter(self.path, size)
+
+    def stamp_now(self) -> Stamp | None:
+        """Return what is there under its name now, None where nothing is."""
+        try:
+            return _stamp(os.stat(self.path))
+        except OSError:
+            return None
+
+    def let_go(self) -> None:
+        """Hold nothing that was read so far in memory; what is looked at again is read again."""
+        if hasattr(mmap, "MADV_DONTNEED"):
+            self.memory.madvise(mmap.MADV_DONTNEED)
+
+
+def open_file(path: Path) -> Opened:
     """Open a file: its header is read and checked, nothing else.
 
     Raises
@@ -96,20 +168,43 @@ def open_mapped(path: Path) -> Mapped:
     OSError
         It cannot be read.
     """
-    with path.open("rb") as file:
-        size = os.fstat(file.fileno()).st_size
-        header = parse(path, file.read(header_bytes(MOST_SECTIONS)), size)
-        memory = _mapped(path, file, size)
+    opened = Opened(path, *_opened(path))
+    weakref.finalize(opened, opened.file.close)
+    return opened
+
+
+def open_mapped(path: Path) -> Mapped:
+    """Open a file and map it; see `open_file`."""
+    header, file, stamp = _opened(path)
+    with ExitStack() as on_error:
+        on_error.enter_context(file)
+        try:
+            memory = mmap.mmap(file.fileno(), stamp.nbytes, access=mmap.ACCESS_READ)
+        except ValueError as error:  # it became shorter since it was opened
+            raise _shorter(path, stamp.nbytes) from error
+        on_error.pop_all()
     raw, arrays = np.frombuffer(memory, np.uint8), {}
     for name, (dtype, _) in header.counts.arrays.items():
         section = header.sections[name]
         part = raw[section.offset : section.offset + section.nbytes]
         arrays[name] = part.view(np.dtype(dtype).newbyteorder("="))
-    return Mapped(path, header, arrays, memory)
+    mapped = Mapped(path, header, file, stamp, arrays, memory)
+    weakref.finalize(mapped, file.close)
+    return mapped
 
 
-def _mapped(path: Path, file: BinaryIO, size: int) -> mmap.mmap:
-    try:
-        return mmap.mmap(file.fileno(), size, access=mmap.ACCESS_READ)
-    except ValueError as error:  # it became shorter since it was opened
-        raise CorruptFileError(path, f"no longer has {size} bytes; wait until it is written", size) from error
+def _opened(path: Path) -> tuple[Header, FileIO, Stamp]:
+    with ExitStack() as on_error:
+        file = on_error.enter_context(FileIO(path))
+        about = os.fstat(file.fileno())
+        header = parse(path, file.read(header_bytes(MOST_SECTIONS)), about.st_size)
+        on_error.pop_all()
+    return header, file, _stamp(about)
+
+
+def _stamp(about: os.stat_result) -> Stamp:
+    return Stamp(about.st_dev, about.st_ino, about.st_size, about.st_mtime_ns)
+
+
+def _shorter(path: Path, offset: int) -> CorruptFileError:
+    return CorruptFileError(path, "ends, but was longer when it was opened; wait until it is written", offset)

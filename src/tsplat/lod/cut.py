@@ -67,8 +67,14 @@ class Cut:
             How.
         budget : int
             About so many splats in sight, though never less than one block, nor less than the coarsest nodes.
+
+        Raises
+        ------
+        CorruptFileError
+            They lie in a file that changed.
         """
         tree = self._tree
+        tree.check()
         with tree.scene.lock:  # what is being read may join the tree at any other time
             job = _Job(
                 roots=tree.roots,

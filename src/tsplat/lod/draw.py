@@ -19,9 +19,16 @@ LEAST_BUDGET, LARGEST_BUDGET = 20_000, 500_000
 
 
 def rasterize_all(scene: Gaussians | Stored, camera: Camera, options: RenderOptions) -> Rendering:
-    """Draw every splat of a scene, in memory or on disk; see `tsplat.raster.rasterize`."""
+    """Draw every splat of a scene, in memory or on disk; see `tsplat.raster.rasterize`.
+
+    Raises
+    ------
+    CorruptFileError
+        It is on disk, and its file changed.
+    """
     if isinstance(scene, Stored):
         scene.read_rest()
+        scene.tree.check()
         return rasterize_blocks(scene.tree.scene, scene.finest, camera, options)
     return rasterize(a_scene(scene), camera, options)
 
@@ -49,6 +56,11 @@ def rasterize_within(
     -------
     Rendering
         As `tsplat.raster.rasterize` returns it.
+
+    Raises
+    ------
+    CorruptFileError
+        The scene is on disk, and its file changed.
     """
     budget = whole("budget", budget, 0)
     scene = scene if isinstance(scene, Stored) else a_scene(scene)
@@ -56,6 +68,7 @@ def rasterize_within(
         return rasterize_all(scene, camera, options)
     tree = scene.tree if isinstance(scene, Stored) else hierarchy(scene, options.worker_count)
     blocks = (cut or Cut(tree)).blocks(camera, options, budget)
+    tree.check()
     return rasterize_blocks(tree.scene, blocks, camera, options)
 
 

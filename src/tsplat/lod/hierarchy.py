@@ -58,6 +58,8 @@ class Hierarchy:
         opacity times square world units.
     solidities : ndarray of float32, [nodes]
         How much light a node takes away from what is behind it, 0 to 1, see `tsplat.lod.occlusion`.
+    check : callable
+        To be called before any of it is looked at: raises `CorruptFileError` where it lies in a file that changed.
     """
 
     scene: Prepared
@@ -70,6 +72,7 @@ class Hierarchy:
     sizes: F32
     errors: F32
     solidities: F32
+    check: Callable[[], None] = lambda: None
 
 
 _hierarchies: WeakKeyDictionary[Gaussians, Hierarchy] = WeakKeyDictionary()

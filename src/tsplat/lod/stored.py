@@ -130,7 +130,9 @@ def tree_of(mapped: Mapped) -> Hierarchy:
         bounds=arrays["bounds"],
         blocks=np.arange(counts.blocks, dtype=np.int32),
     )
-    return binary_tree(firsts, scene, arrays["sizes"], arrays["errors"], arrays["solidities"])
+    tree = binary_tree(firsts, scene, arrays["sizes"], arrays["errors"], arrays["solidities"])
+    tree.check = mapped.check_size
+    return tree
 
 
 def store(file: BinaryIO, gaussians: Gaussians, threads: int, progress: Callable[[float], None]) -> None:

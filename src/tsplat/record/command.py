@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import rich_click as click
 
-from tsplat.arguments import DEMO, Triples, scene_name
+from tsplat.arguments import DEMO, Number, Triples, Whole, scene_name
 from tsplat.encode import ENCODERS, FALLBACK_CELL
 from tsplat.errors import OptionError, SaveError, printable
 from tsplat.files import replacing
@@ -39,13 +39,13 @@ DEFAULTS: dict[str, Any] = {
 @click.argument("out", metavar="OUT.cast|.gif|.webp|.mp4", help="What to write, by its suffix.")
 @click.argument("scene", default=DEMO)
 @click.option("--live", is_flag=True, help="Open the viewer, and record what you do until you quit.")
-@click.option("--seconds", type=click.FloatRange(0, 3600, min_open=True), help="How long an orbit lasts. [6]")
-@click.option("--turns", type=click.IntRange(-100, 100), help="How often around; backwards below 0. [1]")
-@click.option("--fps", type=click.IntRange(1, 60), help="Frames a second. [20]")
-@click.option("--width", type=click.IntRange(2, 4096), help="Pixels across. [640]")
-@click.option("--height", type=click.IntRange(2, 4096), help="Pixels down. [360]")
-@click.option("--columns", type=click.IntRange(1, 1000), help="Columns of a .cast. [80]")
-@click.option("--rows", type=click.IntRange(1, 1000), help="Rows of a .cast. [24]")
+@click.option("--seconds", type=Number(0, 3600, min_open=True), help="How long an orbit lasts. [6]")
+@click.option("--turns", type=Whole(-100, 100), help="How often around; backwards below 0. [1]")
+@click.option("--fps", type=Whole(1, 60), help="Frames a second. [20]")
+@click.option("--width", type=Whole(2, 4096), help="Pixels across. [640]")
+@click.option("--height", type=Whole(2, 4096), help="Pixels down. [360]")
+@click.option("--columns", type=Whole(1, 1000), help="Columns of a .cast. [80]")
+@click.option("--rows", type=Whole(1, 1000), help="Rows of a .cast. [24]")
 @click.option("--output", type=click.Choice(ENCODERS),
               help="How a .cast or the viewer shows pictures. [half; --live: what the terminal can]")  # fmt: skip
 @shared("up", "fov-y", "sh-degree", "antialias", "background", "train-focal", *READING, "threads")

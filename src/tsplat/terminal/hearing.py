@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 
+from tsplat.terminal.limits import MOST_REPLIES
 from tsplat.terminal.multiplexer import ask_tmux
 from tsplat.terminal.questions import SENTINEL, Question, is_remote, questions
 from tsplat.terminal.trials import Trials
@@ -51,8 +52,10 @@ class Hearing:
         return SENTINEL.answer.search(self.replies) is not None
 
     def left(self, seconds: float) -> float:
-        """Return how much longer to listen, ``seconds`` after asking; 0 when all is said."""
-        return 0.0 if self.answered else max(0.0, max(self._limit, self._patience) - seconds)
+        """Return how much longer to listen, ``seconds`` after asking; 0 when all is said, or more than answers."""
+        if self.answered or len(self.replies) > MOST_REPLIES:
+            return 0.0
+        return max(0.0, max(self._limit, self._patience) - seconds)
 
     def take(self, received: bytes, seconds: float) -> None:
         """Note what came ``seconds`` after asking."""

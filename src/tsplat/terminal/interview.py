@@ -32,9 +32,11 @@ def interview(environment: Mapping[str, str]) -> Interview:
     try:
         from tsplat.terminal.device import Device
         from tsplat.terminal.signals import Signals
+        from tsplat.terminal.watcher import Watcher
     except ImportError as error:  # Windows has no termios
         raise TerminalError("no POSIX terminal") from error
     device, signals = Device(), Signals()
+    watcher = Watcher(device.input)
 
     def send(screen: bytes) -> None:
         rest = memoryview(screen)
@@ -48,10 +50,12 @@ def interview(environment: Mapping[str, str]) -> Interview:
 
     try:
         device.set_raw()
+        watcher.expect(_ERASE_LINE)
         hearing = ask(environment, send, receive, REMOTE_SECONDS)
         send(_ERASE_LINE)
         return Interview(hearing, device.window_size())
     finally:
         device.restore()
+        watcher.close()
         signals.close()
         device.close()

@@ -8,6 +8,9 @@ from collections.abc import Mapping
 _SECONDS = 0.1
 """How long tmux may take; it answers within 10 ms, and hangs where its server does."""
 
+_MOST_BYTES = 1 << 10
+"""Of what tmux says; it has from the terminal what that calls itself."""
+
 _FORMAT = "#{allow-passthrough}|#{client_termtype}"
 _DRAW_PLACEHOLDERS = {"kitty": (0, 28), "ghostty": (1,)}
 """Terminals, and since when, that draw a picture where text says so: tmux moves text only."""
@@ -30,7 +33,7 @@ def ask_tmux(environment: Mapping[str, str]) -> str:
         )
     except (OSError, subprocess.SubprocessError):
         return ""
-    return asked.stdout.decode(errors="replace").strip()
+    return asked.stdout[:_MOST_BYTES].decode(errors="replace").strip()
 
 
 def passes_pictures(tmux: str) -> bool:
@@ -49,5 +52,5 @@ def parsed_version(text: str) -> tuple[str, str]:
 
 def version_numbers(version: str) -> tuple[int, ...]:
     """Return the numbers a version begins with, fit to compare: "0.26.5" is (0, 26, 5)."""
-    match = re.match(r"\d+(?:\.\d+)*", version)
+    match = re.match(r"[0-9]{1,9}(?:\.[0-9]{1,9}){0,9}", version)
     return tuple(map(int, match[0].split("."))) if match else ()

@@ -11,6 +11,7 @@ import re
 from dataclasses import dataclass
 
 from tsplat.terminal.keys import Answered, Event, Focus, Key, KeyAction, Mouse, MouseAction, MouseButton
+from tsplat.terminal.limits import MOST_COLUMNS, MOST_HELD, MOST_KEYS_DOWN, MOST_NUMBER, MOST_ROWS
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +42,9 @@ _LINUX_F_KEY = re.compile(rb"\x1b\[\[([A-E])")
 _SS3 = re.compile(rb"\x1bO([ -~])")
 _STRING = re.compile(rb"\x1b[P\]_^X][^\x1b\x07]*(?:\x07|\x1b\\?)")  # DCS, OSC, APC, PM, SOS
 _INCOMPLETE = re.compile(rb"\x1b(?:\[\[?|\[[<=>?]?[\d;:]*[ -/]*|[P\]_^X][^\x1b\x07]*\x1b?|O)?\Z")
+
+_STRING_END = re.compile(rb"\x07|\x1b\\?")
+_CSI_END = re.compile(rb"[^\d;: -/]")
 
 _LETTERS = {"A": "up", "B": "down", "C": "right", "D": "left", "H": "home", "F": "end"}
 _LETTERS |= {"P": "f1", "Q": "f2", "R": "f3", "S": "f4"}
@@ -77,18 +81,19 @@ class Parser:
         self.mouse_unit = (1, 1)
         self._rest = b""
         self._spared = False
+        self._skipped_to: re.Pattern[bytes] | None = None
         self._pasting = False
         self._down: dict[int | str, str] = {}
 
     @property
     def pending(self) -> bool:
         """Whether the bytes so far end within a sequence: more may come, or it was the Escape key."""
-        return bool(self._rest)
+        return bool(self._rest or self._skipped_to)
 
     def feed(self, received: bytes) -> list[Reported]:
         """Return the events that are complete with these bytes."""
         events: list[Reported] = []
-        text, position = self._rest + received, 0
+        text, position = self._rest + self._past_skipped(received), 0
         while position < len(text):
             parse = self._sequence if text[position] == _ESCAPE else _character
             end, event = parse(text, position)
@@ -101,7 +106,19 @@ class Parser:
                 events.append(event)
         self._spared &= position == 0
         self._rest = text[position:]
+        if len(self._rest) > MOST_HELD:
+            self._skipped_to = _CSI_END if self._rest.startswith(b"\x1b[") else _STRING_END
+            self._rest = b""
         return events
+
+    def _past_skipped(self, received: bytes) -> bytes:
+        """Return what comes after a sequence that was too long to be held; nothing while it goes on."""
+        if self._skipped_to is None:
+            return received
+        if end := self._skipped_to.search(received):
+            self._skipped_to = None
+            return received[end.end() :]
+        return b""
 
     def flush(self) -> list[Reported]:
         """Return the events of the bytes held back, since no more came: a lone escape was the key.
@@ -109,7 +126,7 @@ class Parser:
         A started CSI stays held back, or a reply torn in two would be taken for keys; so does a string that
         begins as replies do, but only once, or one that never ends would swallow all that is typed.
         """
-        rest = self._rest
+        rest, self._skipped_to = self._rest, None
         if not self._spared and rest.startswith(_REPLIES):
             self._spared = True
             return []
@@ -150,7 +167,9 @@ class Parser:
         """Return the event of a control sequence."""
         if len(parameters) > _MOST_PARAMETERS:
             return None
-        fields = [[int(part or 0) for part in field.split(b":")] for field in parameters.split(b";")]
+        fields = [
+            [min(int(part or 0), MOST_NUMBER) for part in field.split(b":")] for field in parameters.split(b";")
+        ]
         numbers = [field[0] for field in fields]
         if private == b"<" and final in "Mm" and len(numbers) == 3:
             return self._mouse(*numbers, released=final == "m")
@@ -184,6 +203,8 @@ class Parser:
         if key is None:
             return None
         if key.action == "press":
+            if len(self._down) >= MOST_KEYS_DOWN:
+                self._down.clear()
             self._down[identity] = key.name
             return key
         name = (
@@ -192,7 +213,7 @@ class Parser:
         return Key(name, key.action)
 
     def _mouse(self, code: int, x: int, y: int, *, released: bool) -> Mouse | None:
-        place = (x - 1) / self.mouse_unit[0], (y - 1) / self.mouse_unit[1]
+        place = min((x - 1) / self.mouse_unit[0], MOST_COLUMNS), min((y - 1) / self.mouse_unit[1], MOST_ROWS)
         shift = bool(code & 4)
         if code & 192:
             wheel = {64: 1, 65: -1}.get(code & 195)

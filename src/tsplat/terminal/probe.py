@@ -9,6 +9,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from tsplat.terminal.limits import LEAST_SIXEL, believed_cell
 from tsplat.terminal.multiplexer import parsed_version, passes_pictures
 from tsplat.terminal.questions import CELL_SIZE, TRANSPORTS, WINDOW_SIZE, is_remote, multiplexer, said
 
@@ -85,10 +86,15 @@ class Profile:
     replies: Mapping[str, str] = field(default_factory=dict)
 
 
-def size_questions(profile: Profile) -> bytes:
-    """Return what to ask again when the size changed: with another font, a cell has another size."""
-    cell = CELL_SIZE.asks if profile.cell_size else b""
-    return cell + (WINDOW_SIZE.asks if profile.window_size else b"")
+SIZE_REPORTS = (6, 4)
+"""What `PixelReport.kind` is of the answers to questions about a cell's size, and the window's."""
+
+
+def size_questions(profile: Profile) -> dict[int, bytes]:
+    """Return what to ask again when the size changed, by the kinds of the answers: a new font has other cells."""
+    answered = (profile.cell_size, CELL_SIZE), (profile.window_size, WINDOW_SIZE)
+    known = zip(SIZE_REPORTS, answered, strict=True)
+    return {kind: question.asks for kind, (size, question) in known if size}
 
 
 def detect(environment: Mapping[str, str], replies: bytes, tmux: str = "") -> Profile:
@@ -121,13 +127,13 @@ def detect(environment: Mapping[str, str], replies: bytes, tmux: str = "") -> Pr
         kitty_graphics=graphics or (between == "tmux" and passes_pictures(tmux)),
         iterm2_pictures=not between and known.startswith(_ITERM2_PICTURES),
         sixel="4" in answers.get("DA1", "").split(";")[1:],
-        sixel_size=_pair(answers.get("sixel size"), width_first=True),
+        sixel_size=_sixel_size(answers.get("sixel size")),
         kitty_transports=(*tried, "direct"),
         synchronized=_has_mode(answers, 2026),
         kitty_keyboard="kitty keyboard" in answers,
         pixel_mouse=_has_mode(answers, 1016),
         in_band_resize=_has_mode(answers, 2048),
-        cell_size=_pair(answers.get("cell 16t")),
+        cell_size=believed_cell(*(_pair(answers.get("cell 16t")) or (0, 0))),
         window_size=_pair(answers.get("window 14t")),
         replies=answers,
     )
@@ -175,9 +181,13 @@ def _has_mode(answers: Mapping[str, str], mode: int) -> bool:
     return answers.get(f"mode {mode}") in ("1", "2")  # set or reset; 0 is not known, 4 never set
 
 
-def _pair(reply: str | None, *, width_first: bool = False) -> tuple[int, int] | None:
-    """Return width and height from "height;width", or the other way round, None unless both are positive."""
+def _pair(reply: str | None) -> tuple[int, int] | None:
+    """Return width and height from "height;width", None unless both are positive."""
     height, width = map(int, (reply or "0;0").split(";"))
-    if width_first:
-        width, height = height, width
     return (width, height) if width > 0 and height > 0 else None
+
+
+def _sixel_size(reply: str | None) -> tuple[int, int] | None:
+    """Return width and height from "width;height", None where no picture is that small."""
+    width, height = map(int, (reply or "0;0").split(";"))
+    return (width, height) if min(width, height) >= LEAST_SIXEL else None

@@ -18,7 +18,8 @@ class Question:
     asks : bytes
         What is written.
     answer : Pattern
-        What comes back where the terminal knows the question; its group is the part that says something.
+        What comes back where the terminal knows the question; its group is the part that says something, in
+        printable ASCII, and no longer than any terminal says it.
     """
 
     name: str
@@ -27,30 +28,30 @@ class Question:
 
 
 def _mode(number: int) -> Question:
-    return Question(f"mode {number}", b"\x1b[?%d$p" % number, re.compile(rb"\x1b\[\?%d;(\d+)\$y" % number))
+    return Question(f"mode {number}", b"\x1b[?%d$p" % number, re.compile(rb"\x1b\[\?%d;(\d{1,3})\$y" % number))
 
 
 def graphics_question(name: str, number: int, keys: str, payload: bytes) -> Question:
     """Return whether the terminal can take one pixel of kitty graphics, its data found in some way."""
     asks = b"\x1b_Gi=%d,s=1,v=1,a=q,f=24,%s;%s\x1b\\" % (number, keys.encode(), payload)
-    return Question(name, asks, re.compile(rb"\x1b_Gi=%d;([^\x1b]*)\x1b\\" % number))
+    return Question(name, asks, re.compile(rb"\x1b_Gi=%d;([ -~]{0,200})\x1b\\" % number))
 
 
-CELL_SIZE = Question("cell 16t", b"\x1b[16t", re.compile(rb"\x1b\[6;(\d+;\d+)t"))
-WINDOW_SIZE = Question("window 14t", b"\x1b[14t", re.compile(rb"\x1b\[4;(\d+;\d+)t"))
+CELL_SIZE = Question("cell 16t", b"\x1b[16t", re.compile(rb"\x1b\[6;(\d{1,5};\d{1,5})t"))
+WINDOW_SIZE = Question("window 14t", b"\x1b[14t", re.compile(rb"\x1b\[4;(\d{1,5};\d{1,5})t"))
 GRAPHICS = graphics_question("kitty graphics", 31, "t=d", b"AAAA")
-SENTINEL = Question("DA1", b"\x1b[c", re.compile(rb"\x1b\[\?([\d;]*)c"))
+SENTINEL = Question("DA1", b"\x1b[c", re.compile(rb"\x1b\[\?([\d;]{0,100})c"))
 """Every terminal answers this one, and all answer in order: after it, nothing more comes."""
 
 _COMMON = (
-    Question("XTVERSION", b"\x1b[>0q", re.compile(rb"\x1bP>\|([^\x1b]*)\x1b\\")),
+    Question("XTVERSION", b"\x1b[>0q", re.compile(rb"\x1bP>\|([ -~]{0,100})\x1b\\")),
     CELL_SIZE,
     WINDOW_SIZE,
     _mode(2026),
     _mode(1016),
     _mode(2048),
-    Question("sixel size", b"\x1b[?2;4;0S", re.compile(rb"\x1b\[\?2;0;(\d+;\d+)S")),
-    Question("kitty keyboard", b"\x1b[?u", re.compile(rb"\x1b\[\?(\d+)u")),
+    Question("sixel size", b"\x1b[?2;4;0S", re.compile(rb"\x1b\[\?2;0;(\d{1,5};\d{1,5})S")),
+    Question("kitty keyboard", b"\x1b[?u", re.compile(rb"\x1b\[\?(\d{1,3})u")),
 )
 TRANSPORTS = {"shared": 32, "file": 33}
 """Ways of `Profile.kitty_transports` that are tried, with the numbers that tell the answers apart."""

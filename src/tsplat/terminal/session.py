@@ -14,15 +14,17 @@ from typing import TYPE_CHECKING
 from tsplat.errors import TerminalError
 from tsplat.terminal.hearing import LOCAL_SECONDS, REMOTE_SECONDS, Hearing, ask
 from tsplat.terminal.keys import Answered, Event, Resize, TerminalSize
+from tsplat.terminal.limits import MOST_WAITING
 from tsplat.terminal.modes import SCREEN, UNFINISHED, reports_pixels, turn_off, turn_on
 from tsplat.terminal.parser import Parser, PixelReport, SizeReport
-from tsplat.terminal.probe import Profile, detect, size_questions
+from tsplat.terminal.probe import SIZE_REPORTS, Profile, detect, size_questions
 from tsplat.terminal.questions import is_remote
 from tsplat.terminal.sizes import Sizes
 
 if TYPE_CHECKING:
     from tsplat.terminal.device import Device
     from tsplat.terminal.signals import Signals
+    from tsplat.terminal.watcher import Watcher
 
 ESCAPE_DELAY = 0.05
 """Seconds after which an escape with nothing behind it was the key; SSH delivers sequences in one piece."""
@@ -44,7 +46,7 @@ class Session:
     "ctrl+c", Ctrl-Z as "ctrl+z"), switches to the alternate screen, asks what the terminal can do unless
     a profile was given, and turns on the mouse and, where there is one, the kitty keyboard; the cursor is
     hidden and autowrap is off. Leaving, also by an exception, SIGTERM or SIGHUP, undoes all that in
-    reverse order.
+    reverse order; where this process is ended in any other way, `Watcher` does.
 
     Parameters
     ----------
@@ -76,18 +78,22 @@ class Session:
         self._waiting: list[Event] = []
         self._signalled: set[int] = set()
         self._unanswered = 0
+        self._sizes_asked = dict.fromkeys(SIZE_REPORTS, 0)
         self._hearing: Hearing | None = None
         self._device: Device
         self._sizes: Sizes
         self._signals: Signals
+        self._watcher: Watcher
 
     def __enter__(self) -> Session:
         try:
             from tsplat.terminal.device import Device
             from tsplat.terminal.signals import Signals
+            from tsplat.terminal.watcher import Watcher
         except ImportError as error:  # Windows has no termios
             raise TerminalError("the viewer needs a POSIX terminal; use WSL, or 'tsplat render'") from error
         self._device, self._signals = Device(), Signals()
+        self._watcher = Watcher(self._device.input)
         try:
             self._take()
         except BaseException:
@@ -167,12 +173,18 @@ class Session:
 
     def _take(self) -> None:
         self._device.set_raw()
+        self._watch()
         self._send(SCREEN[0])
         if not self._known:
             # Asked on the alternate screen, where what a terminal prints by mistake harms nobody.
             self._ask()
         self._know_sizes()
+        self._watch()
         self._send(turn_on(self.profile))
+
+    def _watch(self) -> None:
+        """Say what gives the terminal back, should this process end before it can."""
+        self._watcher.expect(UNFINISHED + turn_off(self.profile))
 
     def _ask(self) -> None:
         """Learn what the terminal can do; what a person typed meanwhile is not lost."""
@@ -181,6 +193,7 @@ class Session:
         typed = self._parser.feed(hearing.replies)
         self._waiting += [event for event in typed if not isinstance(event, PixelReport | SizeReport)]
         self._hearing = None if hearing.answered else hearing
+        self._sizes_asked = dict.fromkeys(SIZE_REPORTS, int(not hearing.answered))
 
     def _next_input(self, timeout: float) -> bytes:
         return self._device.read() if self._ready(timeout, self._device.input) else b""
@@ -192,6 +205,7 @@ class Session:
         before, hearing, self._hearing = self.profile, self._hearing, None
         self.profile = detect(self._environment, hearing.replies, hearing.tmux)
         self._know_sizes()
+        self._watch()
         self._send(turn_on(self.profile, before))
         self._waiting.append(Resize(self.size()))
 
@@ -202,6 +216,7 @@ class Session:
             try:
                 self._give_back()
             finally:
+                self._watcher.close()
                 self._signals.close()
                 self._device.close()
 
@@ -215,6 +230,7 @@ class Session:
             self._send(UNFINISHED * self._writing + farewell, FAREWELL_SECONDS)
             self._hear_out()
         self._device.restore()
+        self._watcher.expect(b"")
 
     def _hear_out(self) -> None:
         """Wait for answers still on their way: the shell would take them for something typed."""
@@ -262,8 +278,11 @@ class Session:
                 self._measure(event)
                 continue
             if isinstance(event, Answered):
-                self._unanswered = max(0, self._unanswered - 1)
-            self._waiting.append(event)
+                if not self._unanswered:
+                    continue
+                self._unanswered -= 1
+            if len(self._waiting) < MOST_WAITING:
+                self._waiting.append(event)
 
     def _read(self) -> bytes:
         received = self._device.read()
@@ -285,15 +304,25 @@ class Session:
         elif signal.SIGWINCH in signals:
             self._sizes.heed_kernel()
             self._waiting.append(Resize(self.size()))
-            self._send(size_questions(self.profile))
+            self._ask_sizes()
 
     def _know_sizes(self) -> None:
         self._sizes = Sizes(self._device.window_size, self.profile)
         self._set_mouse_unit()
 
+    def _ask_sizes(self) -> None:
+        for kind, question in size_questions(self.profile).items():
+            self._sizes_asked[kind] += 1
+            self._send(question)
+
     def _measure(self, report: PixelReport | SizeReport) -> None:
-        """Take sizes from a late answer or a new size; another size than before is a `Resize`."""
-        if self._sizes.take(report):
+        """Take sizes from an answer or a new size, unless nobody asked for it; another size is a `Resize`."""
+        if isinstance(report, SizeReport):
+            asked = self.profile.in_band_resize
+        else:
+            asked = self._sizes_asked[report.kind] > 0
+            self._sizes_asked[report.kind] -= asked
+        if asked and self._sizes.take(report):
             self._set_mouse_unit()
             self._waiting.append(Resize(self.size()))
 

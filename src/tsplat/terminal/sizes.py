@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from tsplat.terminal.keys import TerminalSize
+from tsplat.terminal.limits import believed_cell, believed_cell_among, believed_cells
 from tsplat.terminal.parser import PixelReport, SizeReport
 from tsplat.terminal.probe import Profile
 
@@ -33,11 +34,13 @@ class Sizes:
         self.cell_size = profile.cell_size or self._cell_in(*(profile.window_size or (0, 0)))
 
     def now(self) -> TerminalSize:
-        """Return the size now; 80 x 24 where nobody knows it."""
+        """Return the size now, within what any screen has; 80 x 24 where nobody knows it."""
         columns, rows, width, height = self._window()
         columns, rows = columns or _FALLBACK[0], rows or _FALLBACK[1]
         # The window's pixels may include a border, and are often missing; the terminal's answer is better.
-        return TerminalSize(columns, rows, *(self.cell_size or _cell(columns, rows, width, height) or (0, 0)))
+        cell = self.cell_size or _cell(columns, rows, width, height)
+        columns, rows = believed_cells(columns, rows)
+        return TerminalSize(columns, rows, *(believed_cell_among(columns, rows, cell) or (0, 0)))
 
     def take(self, report: PixelReport | SizeReport) -> bool:
         """Take a late answer or a new size; return whether the size is another one now."""
@@ -48,7 +51,7 @@ class Sizes:
             if self._profile.cell_size:
                 self.cell_size = self._cell_in(report.width, report.height) or self.cell_size
         elif report.kind == 6:
-            self.cell_size = report.width, report.height
+            self.cell_size = believed_cell(report.width, report.height) or self.cell_size
         elif self._profile.cell_size is None:
             self.cell_size = self._cell_in(report.width, report.height)
         return self.now() != before
@@ -69,4 +72,4 @@ class Sizes:
 
 def _cell(columns: int, rows: int, width: int, height: int) -> tuple[int, int] | None:
     """Return the size of a cell in a window of this size, None where something is not known."""
-    return (width // columns, height // rows) if min(columns, rows, width, height) > 0 else None
+    return believed_cell(width // columns, height // rows) if min(columns, rows) > 0 else None

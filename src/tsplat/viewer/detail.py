@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import threading
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from tsplat.camera import Camera
-from tsplat.errors import TsplatError
+from tsplat.drawing import draw_all
+from tsplat.errors import CorruptFileError, TsplatError
 from tsplat.rendering import Rendering, RenderOptions
 from tsplat.scene import Gaussians
 
@@ -38,7 +40,12 @@ class Detail:
     def warm_up(self, camera: Camera) -> None:
         """Make the kernels ready that choose what to draw, where the first frame is going to need them."""
         if self._cut:
-            self._cut.blocks(camera, RenderOptions(), 1)
+            with suppress(CorruptFileError):  # the first frame says so
+                self._cut.blocks(camera, RenderOptions(), 1)
+
+    def of(self, scene: Gaussians | Stored) -> Detail:
+        """Return the levels of detail of another scene, for the same viewer."""
+        return Detail(scene, self._budget)
 
     @property
     def complete(self) -> bool:
@@ -69,15 +76,27 @@ class Detail:
         """Return what is said of the splats of a frame that was drawn, exactly or not."""
         if not self.complete:
             return self._problem or f"reading levels {100.0 * self.done:.0f} %"
-        if self._cut is None and self._thread.ident is not None:
+        if self._cut is None and self._thread.is_alive():
             return f"building levels {100.0 * self.done:.0f} %"
         return "" if exact else "merged"
 
     def draw(self, camera: Camera, options: RenderOptions) -> Rendering:
-        """Draw within the budget, as `helps` said it would help."""
+        """Draw within the budget, as `helps` said it would help.
+
+        Raises
+        ------
+        CorruptFileError
+            The scene is on disk, and its file changed.
+        """
         from tsplat.lod import rasterize_within
 
-        return rasterize_within(self.scene, camera, options, self.budget(camera), self._cut)
+        try:
+            return rasterize_within(self.scene, camera, options, self.budget(camera), self._cut)
+        except CorruptFileError:
+            if not isinstance(self.scene, Gaussians):
+                raise
+            self._cut = None  # an earlier run kept these levels, and somebody changed their file
+            return draw_all(self.scene, camera, options)
 
     def _work(self) -> None:
         if isinstance(self.scene, Gaussians):
@@ -99,8 +118,9 @@ class Detail:
         # One thread: those of the frames are not waited for, nor kept waiting.
         tree = hierarchy(scene, 1, self._progress, earlier)
         cut = _new_cut(tree)
-        cut.blocks(self._first, RenderOptions(), 1)  # no frame should wait for the kernel
-        self._cut = cut
+        with suppress(CorruptFileError):  # as `draw` says
+            cut.blocks(self._first, RenderOptions(), 1)  # no frame should wait for the kernel
+            self._cut = cut
         if earlier is None:
             keep(scene, tree)
 

@@ -30,6 +30,7 @@ COMMON = (
     ("Tab", "settings and measurements"),
     ("P", "save this view as a PNG"),
     ("?", "these keys"),
+    ("Ctrl-R", "load a .tsplat again that changed on disk"),
     ("Ctrl-Z", "suspend"),
     ("q, Ctrl-C, Esc", "quit; Esc closes a panel first"),
 )

@@ -16,11 +16,12 @@ from pathlib import Path
 from typing import Protocol
 
 from tsplat.decode import make_ready
-from tsplat.errors import TerminalError, TsplatError
+from tsplat.errors import CorruptFileError, LoadError, TerminalError, TsplatError
 from tsplat.terminal import outputs
 from tsplat.terminal.keys import Answered, Event, Resize
 from tsplat.terminal.pacing import DEAF_SECONDS, FULL, STALL_SECONDS, Pacer, Quality
 from tsplat.terminal.probe import Profile
+from tsplat.viewer.file_watch import CHANGED, FileWatch
 from tsplat.viewer.hud import Measured, layout
 from tsplat.viewer.picture import HOME, Drawn, Painter, empty_cell, free_path
 from tsplat.viewer.spans import Span, erased
@@ -103,6 +104,7 @@ class Viewer:
         self.session, self.painter, self.state = session, painter, state
         self.name, self.folder = name, folder
         self.pacer = pacer or Pacer()
+        self.watch = FileWatch(painter.file)
         self.pieces: Iterator[bytes] | None = None
         self.next_frame = 0.0
         self.settled: float | None = None
@@ -133,8 +135,10 @@ class Viewer:
             wait = self.step(time.perf_counter())
             if not wait:
                 continue
-            self.take(self.session.events(wait))
+            self.take(self.session.events(min(wait, self.watch.left(time.perf_counter()))))
             now = time.perf_counter()
+            if self.watch.changed(now):
+                self.say(CHANGED)
             if self.state.moving:
                 # The first tick after a rest stands for one frame, so that a key acts at once.
                 self.state = update(self.state, Tick(now - last_tick if last_tick else FRAME_SECONDS))
@@ -193,6 +197,8 @@ class Viewer:
             before, self.state = self.state, update(self.state, event)
             if self.state.pictures != before.pictures:
                 self.save_picture()
+            if self.state.reloads != before.reloads and self.painter.file:
+                self.reload()
             if self.state.suspends != before.suspends:
                 self.session.suspend()
 
@@ -214,7 +220,20 @@ class Viewer:
             text = str(error)
         else:
             text = f"saved {path.name} in {path.parent}"
+        self.say(text)
+
+    def say(self, text: str) -> None:
+        """Show a line at the bottom of the screen."""
         self.state = update(self.state, Notice(text))
+
+    def reload(self) -> None:
+        """Open the scene's file anew, or say why that cannot be."""
+        try:
+            self.state = update(self.state, self.painter.reload())
+        except LoadError as error:
+            self.say(error.problem)
+        else:
+            self.watch, self.screen = FileWatch(self.painter.file), None
 
     def show(self, start: float) -> None:
         """Draw the state as well as the link allows: one write, the picture first and the text above it."""
@@ -272,7 +291,14 @@ class Viewer:
             drawn = screen.drawn
             if drawn.density == quality.density and drawn.exact >= quality.exact:
                 return drawn
-        return self.painter.draw(self.state, quality.density, exact=quality.exact)
+        try:
+            return self.painter.draw(self.state, quality.density, exact=quality.exact)
+        except CorruptFileError:
+            if screen is None:
+                raise
+            if not self.state.message:  # which may say why it could not be loaded again
+                self.say(CHANGED)
+            return screen.drawn  # the picture stays
 
     def _fresh_screen(self) -> bytes:
         """Return what empties the screen before its first picture, after resizing and between outputs."""

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -20,11 +21,14 @@ from tsplat.scene import Gaussians
 from tsplat.terminal.keys import TerminalSize
 from tsplat.terminal.probe import TRUECOLOR, Profile
 from tsplat.viewer.detail import Detail
-from tsplat.viewer.scenes import Scenes
+from tsplat.viewer.scenes import OnDisk, Scenes
 from tsplat.viewer.spans import Span, covered, painted, shaded
-from tsplat.viewer.state import ViewerState
+from tsplat.viewer.state import Loaded, ViewerState
 from tsplat.warmup import draw_tiny
 from tsplat.warmup_process import SIDE, encode_tiny
+
+if TYPE_CHECKING:
+    from tsplat.io.tsplat_map import Mapped
 
 F32 = npt.NDArray[np.float32]
 U8 = npt.NDArray[np.uint8]
@@ -35,6 +39,9 @@ TRUE_COLORS = Profile(colors=TRUECOLOR)
 
 LUMA = np.array([0.2126, 0.7152, 0.0722], np.float32)
 """How bright each primary looks, ITU-R BT.709."""
+
+MOST_PIXELS = 1 << 24
+"""Of a frame, twice those of the largest common screen: each takes 20 bytes on its way to the terminal."""
 
 SAVED_SIDE = 1920
 """Pixels of the longer side of a saved picture, or more where the screen has more."""
@@ -96,6 +103,26 @@ class Painter:
             rendering = self.detail.draw(camera, replace(state.options, depths=False))
         frame = images.quantize(saturated(rendering.colors, state.saturation))
         return Drawn(frame, rendering.visible, rendering.stage_ms, density, exact)
+
+    @property
+    def file(self) -> Mapped | None:
+        """The file that is drawn from while the viewer runs; None where all is in memory, or going to be."""
+        return self.scenes.loaded.mapped if isinstance(self.scenes, OnDisk) else None
+
+    def reload(self) -> Loaded:
+        """Open the scene's file anew.
+
+        Raises
+        ------
+        LoadError
+            It cannot be read.
+        """
+        from tsplat.lod import open_stored
+
+        assert self.file
+        stored = open_stored(self.file.path)
+        self.scenes, self.detail = OnDisk(stored), self.detail.of(stored)
+        return Loaded(len(stored), stored.sh_degree)
 
     @property
     def read(self) -> float:
@@ -190,7 +217,7 @@ class Painter:
         """
         width, height = screen_pixels(state.size, state.output)
         enlarge = max(1.0, SAVED_SIDE / max(width, height))
-        width, height = (min(MAX_SIDE, round(side * enlarge)) for side in (width, height))
+        width, height = limited(round(width * enlarge), round(height * enlarge))
         rendering = self.render(state, width, height)
         return images.save(path, saturated(rendering.colors, state.saturation), rendering.alphas)
 
@@ -219,7 +246,14 @@ def frame_size(state: ViewerState, chosen: Encoder) -> tuple[int, int]:
     across, down = chosen.pixels_per_cell(*state.size.cell_size)
     width = round(state.size.columns * across * state.density)
     height = round(picture_rows(state.size, state.output) * down * state.density)
-    return min(max(width, 1), MAX_SIDE), min(max(height, 1), MAX_SIDE)
+    return limited(width, height)
+
+
+def limited(width: int, height: int) -> tuple[int, int]:
+    """Return a size of the same shape, no larger than frames may be; the encoder stretches what is smaller."""
+    width, height = min(max(width, 1), MAX_SIDE), min(max(height, 1), MAX_SIDE)
+    share = min(1.0, math.sqrt(MOST_PIXELS / (width * height)))
+    return max(1, int(width * share)), max(1, int(height * share))
 
 
 def view_camera(state: ViewerState, width: int, height: int) -> Camera:

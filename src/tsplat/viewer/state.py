@@ -43,6 +43,14 @@ class Notice:
 
 
 @dataclass(frozen=True, slots=True)
+class Loaded:
+    """The scene was loaded again: how many splats it has now, and their spherical-harmonics degree."""
+
+    splats: int
+    sh_degree: int
+
+
+@dataclass(frozen=True, slots=True)
 class Held:
     """A motion whose key is down, or was so briefly that some of its motion is still owed.
 
@@ -109,8 +117,8 @@ class ViewerState:
         Whether the terminal reports that a key went up.
     grabbed : tuple of (float, float, str), or None
         Column, row and button of the drag under way.
-    pictures, suspends : int
-        How many times P and Ctrl-Z were pressed; the loop acts once for each.
+    pictures, suspends, reloads : int
+        How many times P, Ctrl-Z and Ctrl-R were pressed; the loop acts once for each.
     threads : int
         Processors there are.
     density : float
@@ -150,6 +158,7 @@ class ViewerState:
     screens: int = 0
     pictures: int = 0
     suspends: int = 0
+    reloads: int = 0
     running: bool = True
 
     @property
@@ -176,6 +185,7 @@ def picture(state: ViewerState) -> ViewerState:
         screens=0,
         pictures=0,
         suspends=0,
+        reloads=0,
         running=True,
     )
 

@@ -8,9 +8,9 @@ from dataclasses import replace
 from tsplat.terminal.keys import Focus, Key, Mouse, Resize
 from tsplat.viewer import help, motion
 from tsplat.viewer.settings import select_row, step_output, step_row
-from tsplat.viewer.state import Notice, Panel, Tick, ViewerState
+from tsplat.viewer.state import Loaded, Notice, Panel, Tick, ViewerState
 
-Event = Key | Mouse | Resize | Focus | Tick | Notice
+Event = Key | Mouse | Resize | Focus | Tick | Notice | Loaded
 
 MOTION_KEYS = {
     "w": "forward",
@@ -51,6 +51,9 @@ def update(state: ViewerState, event: Event) -> ViewerState:
             return state if event.gained else replace(state, held=(), grabbed=None)
         case Notice():
             return replace(state, message=event.text)
+        case Loaded():
+            n, degree = event.splats, event.sh_degree
+            return replace(state, total=n, kept=n, scene_degree=degree, message="loaded again")
 
 
 def plain(name: str) -> str:
@@ -139,6 +142,7 @@ COMMANDS: dict[str, Callable[[ViewerState], ViewerState]] = {
     "q": _quit,
     "ctrl+c": _quit,
     "escape": _escape,
+    "ctrl+r": lambda state: replace(state, reloads=state.reloads + 1),
     "ctrl+z": lambda state: replace(state, suspends=state.suspends + 1, held=()),
 }
 """Keys that act once, when they go down."""
