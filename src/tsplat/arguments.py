@@ -58,6 +58,16 @@ class Number(click.FloatRange):
         return super().convert(value, param, ctx)
 
 
+class Gigabytes(Number):
+    """So many times 10^9 bytes."""
+
+    name = "gigabytes"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return a whole number of bytes."""
+        return round(1e9 * super().convert(value, param, ctx))
+
+
 class Numbers(click.ParamType):  # type: ignore[type-arg]
     """So many finite numbers with commas or spaces between them; ``otherwise`` where none need to be given."""
 

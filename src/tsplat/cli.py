@@ -59,6 +59,9 @@ def main(args: Sequence[str] | None = None) -> int:
             return _fail(f"{error.format_message().rstrip('.')}; see '{context} --help'")
         except (click.ClickException, TsplatError) as error:
             return _fail(error.format_message() if isinstance(error, click.ClickException) else str(error))
+        except MemoryError as error:
+            wanted = f" for {error}" if str(error) else ""
+            return _fail(f"not enough memory{wanted}; fewer splats (--max-splats) or a smaller picture need less")
         except BrokenPipeError:
             return 1  # the reader has seen enough
         except Exception as error:
@@ -98,7 +101,7 @@ def command() -> None:
 @command.command(cls=Triples)
 @click.argument("scene", default=DEMO)
 @click.option("--output", type=click.Choice(ENCODERS), help="How pictures are shown. [what the terminal can]")
-@shared("up", "antialias", "sh-degree", "background", "fov-y", "train-focal", *READING, "threads")
+@shared("up", "antialias", "sh-degree", "background", "fov-y", "train-focal", *READING, "threads", "memory")
 @click.option(
     "--latency",
     type=Number(10, 10_000),
@@ -146,7 +149,7 @@ def view(context: click.RichContext, /, scene: str, output: str | None, up: Vect
 @click.option("--height", type=Whole(1, 16384), default=SIZE[1], show_default=True, help="Pixels down.")
 @click.option("--eye", type=POINT, metavar="X Y Z", help="Where the camera is. [where the scene is in view]")
 @click.option("--target", type=POINT, metavar="X Y Z", help="What it looks at. [the scene's middle]")
-@shared("up", "fov-y", "sh-degree", "antialias", "background", "train-focal", *READING, "threads")
+@shared("up", "fov-y", "sh-degree", "antialias", "background", "train-focal", *READING, "threads", "memory")
 def render(scene: str, output: str, width: int, height: int, **options: Any) -> None:
     """Render SCENE, or `demo`, to a picture."""
     from tsplat import images
@@ -161,7 +164,7 @@ def render(scene: str, output: str, width: int, height: int, **options: Any) -> 
     rendering = draw_all(gaussians, camera, chosen)
     milliseconds = sum(rendering.stage_ms.values())
     path = rendering.save(output)
-    splats = f"{rendering.visible:,} of {len(gaussians):,} splats"
+    splats = f"{min(rendering.visible, len(gaussians)):,} of {len(gaussians):,} splats"
     print(f"{printable(str(path))}: {width} x {height}, {splats}, rendered in {milliseconds:.0f} ms", flush=True)
 
 

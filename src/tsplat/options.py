@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import rich_click as click
 from click.core import ParameterSource
 
-from tsplat.arguments import BACKGROUND, LEVEL, UP, Number, Whole, scene_source
+from tsplat.arguments import BACKGROUND, LEVEL, UP, Gigabytes, Number, Whole, scene_source
 from tsplat.progress import loading
 from tsplat.rendering import ANTIALIAS, TRAIN_FOCAL_GUESS, Antialias, RenderOptions
 from tsplat.warmup import WarmUp
@@ -38,6 +38,9 @@ def shared(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
         "sh-degree": click.option("--sh-degree", type=Whole(0, 4), default=4, show_default=True,
                                   help="Highest degree of spherical harmonics."),
         "threads": click.option("--threads", type=Whole(0, 1024), default=0, help="0 means all. [0]"),
+        "memory": click.option("--memory", type=Gigabytes(0, 1000), default=0, metavar="GB",
+                               help="What the work on one picture may take beside it; what needs more is drawn in "
+                               "parts, to the same bits. [half of what is free]"),
         "max-splats": click.option("--max-splats", type=Whole(1), metavar="N",
                                    help="Keep the N splats with the largest opacity times area. [all]"),
         "raw-opacity": click.option("--raw-opacity", is_flag=True,

@@ -48,7 +48,7 @@ DEFAULTS: dict[str, Any] = {
 @click.option("--rows", type=Whole(1, 1000), help="Rows of a .cast. [24]")
 @click.option("--output", type=click.Choice(ENCODERS),
               help="How a .cast or the viewer shows pictures. [half; --live: what the terminal can]")  # fmt: skip
-@shared("up", "fov-y", "sh-degree", "antialias", "background", "train-focal", *READING, "threads")
+@shared("up", "fov-y", "sh-degree", "antialias", "background", "train-focal", *READING, "threads", "memory")
 def record(out: str, scene: str, live: bool, up: Any, fov_y: float, **options: Any) -> None:
     """Record an orbit around SCENE, or the demo, or a session with it, as an asciicast or a moving picture."""
     wanted = {name: options.pop(name) for name in DEFAULTS}
