@@ -54,7 +54,7 @@ class Number(click.FloatRange):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return a float."""
         if isinstance(value, str) and numerals.finite(value) is None:
-            self.fail(f"{value!r} is not a number from -1e30 to 1e30", param, ctx)
+            self.fail(f"{value!r} is not a number from -3.4e38 to 3.4e38", param, ctx)
         return super().convert(value, param, ctx)
 
 

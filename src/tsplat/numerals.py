@@ -13,8 +13,8 @@ from collections.abc import MutableMapping
 LARGEST_WHOLE = 10**12 - 1
 """Beyond any count of splats or frames, and well within what kernels count with."""
 
-LARGEST = 1e30
-"""Beyond any length in a scene, and its square is still finite where kernels count in doubles."""
+LARGEST = 3.4e38
+"""What a float32 holds, as scenes do."""
 
 MOST_COLUMNS = 1000
 """Of printed pictures and tables."""
