@@ -43,6 +43,7 @@ def shell(command: str, redirected: str, folder: Path) -> subprocess.CompletedPr
     """Run a command of tsplat in a shell that sends its streams elsewhere."""
     words = command.format(folder / "out")
     environment = {**os.environ, "XDG_CACHE_HOME": str(folder), "LC_ALL": "C.UTF-8"}
+    environment.pop("PYTHONUNBUFFERED", None)  # what is in a buffer is tried again when Python ends
     line = f"exec '{sys.executable}' -m tsplat {words} {redirected}"
     return subprocess.run(
         ["/bin/sh", "-c", line], capture_output=True, text=True, env=environment, timeout=120, check=False
