@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,6 +12,7 @@ import rich_click as click
 from click.core import ParameterSource
 
 from tsplat.arguments import BACKGROUND, LEVEL, UP, scene_source
+from tsplat.errors import LoadWarning
 from tsplat.files import tidy_end
 from tsplat.progress import loading
 from tsplat.rendering import ANTIALIAS, TRAIN_FOCAL_GUESS, Antialias, RenderOptions
@@ -27,7 +29,7 @@ ANTIALIAS_HELP = (
 )
 FOV_Y = 55.0
 
-READING = ("max-splats", "raw-opacity", "spz-frame", "lod")
+READING = ("max-splats", "raw-opacity", "raw-scales", "spz-frame", "lod")
 """The options that say how a scene is read."""
 
 
@@ -43,6 +45,8 @@ def shared(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
                                    help="Keep the N splats with the largest opacity times area. [all]"),
         "raw-opacity": click.option("--raw-opacity", is_flag=True,
                                     help="The file holds opacities from 0 to 1, not their logits."),
+        "raw-scales": click.option("--raw-scales", is_flag=True,
+                                   help="The file holds scales in world units, not their logarithms."),
         "spz-frame": click.option("--spz-frame", type=click.Choice(["rub", "rdf"]), default="rub",
                                   help="Axes of an SPZ: right, up, back as specified; rdf where its writer kept "
                                   "those of a PLY, and the scene is upside down. [rub]"),
@@ -73,7 +77,9 @@ def reading(options: dict[str, Any]) -> dict[str, Any]:
 
 def load_scene(scene: str, how: dict[str, Any], warm_up: WarmUp | None = None) -> Gaussians:
     """Return the scene a person named, with a bar on stderr when that takes long; see `reading`."""
-    with loaded_scene(scene, how, warm_up) as (gaussians, _):
+    with loaded_scene(scene, how, warm_up) as (gaussians, path):
+        if not len(gaussians):
+            warnings.warn(f"{path}: holds no splats; choose another file", LoadWarning, stacklevel=2)
         return gaussians
 
 

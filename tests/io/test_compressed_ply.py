@@ -187,8 +187,8 @@ def test_bounds_of_any_size_warn_of_nothing_but_the_splats(tmp_path: Path, value
     elements[0].rows = [np.repeat(values, 9).tolist()]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        warnings.simplefilter("ignore", LoadWarning)
-        assert len(load_bytes(tmp_path, ply_bytes(elements))) == 0
+        with pytest.raises(LoadError, match=r"none of its \d+ splats can be drawn: .* nan or inf in scales"):
+            load_bytes(tmp_path, ply_bytes(elements))
 
 
 def test_bounds_that_signal_nan_warn_of_nothing_but_the_splats(tmp_path: Path) -> None:
@@ -202,8 +202,8 @@ def test_bounds_that_signal_nan_warn_of_nothing_but_the_splats(tmp_path: Path) -
     signalling = (0x7F800001).to_bytes(4, "little")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        warnings.simplefilter("ignore", LoadWarning)
-        assert len(load_bytes(tmp_path, raw[:place] + signalling + raw[place + 4 :])) == 0
+        with pytest.raises(LoadError, match=r"none of its \d+ splats can be drawn: .* nan or inf in means"):
+            load_bytes(tmp_path, raw[:place] + signalling + raw[place + 4 :])
 
 
 LIES: dict[str, tuple[Callable[[bytes], bytes], str]] = {

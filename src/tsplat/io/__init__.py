@@ -13,6 +13,7 @@ from pathlib import Path
 from tsplat.errors import LoadError, OptionError, SaveError
 from tsplat.files import replacing
 from tsplat.io.cameras import TrainingCamera, load_cameras
+from tsplat.io.finish import warn_faint
 from tsplat.io.formats import FORMATS, HEAD_BYTES, find_format
 from tsplat.io.options import LoadOptions, SpzFrame
 from tsplat.io.sources import local_file
@@ -30,6 +31,7 @@ def load(
     *,
     max_splats: int | None = None,
     raw_opacity: bool = False,
+    raw_scales: bool = False,
     spz_frame: SpzFrame = "rub",
     lod: int | None = 0,
     progress: Callable[[float], None] | None = None,
@@ -47,7 +49,9 @@ def load(
     max_splats : int, optional
         Keep at most this many, those with the largest opacity times area; by default all.
     raw_opacity : bool
-        A PLY holds opacities from 0 to 1 where others hold logits.
+        A PLY or .npz holds opacities from 0 to 1 where others hold logits.
+    raw_scales : bool
+        A PLY or .npz holds scales in world units where others hold their logarithms.
     spz_frame : {"rub", "rdf"}
         The axes of an SPZ: right, up, back by its specification; some writers keep a PLY's right, down, front.
     lod : int, optional
@@ -61,7 +65,7 @@ def load(
     Returns
     -------
     Gaussians
-        In file order. Splats with nan, inf or a zero quat are left out.
+        In file order. Splats with nan, inf or a zero quat are left out; points become balls.
 
     Raises
     ------
@@ -73,9 +77,9 @@ def load(
     Warns
     -----
     LoadWarning
-        Splats were left out or mended; the text says how many.
+        Splats were left out or mended, and how many; or there is nothing to see; or points were made splats.
     """
-    options = LoadOptions(max_splats, raw_opacity, spz_frame, lod)
+    options = LoadOptions(max_splats, raw_opacity, spz_frame, lod, raw_scales)
     with local_file(path, lod, progress or (lambda _: None), fetched or (lambda *_: None)) as (local, reading):
         known = find_format(_head(local), local.name)
         if known is None:
@@ -83,7 +87,9 @@ def load(
             raise LoadError(local, f"is of no known format, expected {names}; convert it first", 0)
         if options.lod and not known.levels:
             raise OptionError(f"lod must be 0 in a scene that is not streamed, got {lod}")
-        return known.read(local, options, reading)
+        gaussians = known.read(local, options, reading)
+        warn_faint(local, gaussians, stacklevel=3)
+        return gaussians
 
 
 def save(path: str | Path, gaussians: Gaussians) -> Path:

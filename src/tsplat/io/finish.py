@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from tsplat.errors import LoadWarning
+from tsplat.errors import LoadError, LoadWarning
 from tsplat.importance import importance, most_important
 from tsplat.io.arrays import Arrays, chunks
 from tsplat.io.threads import on_threads
@@ -21,6 +21,9 @@ from tsplat.scene import Gaussians
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
+
+UNSEEN = 1.0 / 255.0
+"""Opacities below change no pixel; `tsplat.rendering.ALPHA_MIN`, which drawing alone may change."""
 
 
 def finish(
@@ -50,6 +53,11 @@ def finish(
     antialiased : bool
         As in `Gaussians`.
 
+    Raises
+    ------
+    LoadError
+        There are splats, but none that can be drawn.
+
     Warns
     -----
     LoadWarning
@@ -62,6 +70,8 @@ def finish(
     if good is None:
         good = mend_all(arrays)
     kept = int(np.count_nonzero(good))
+    if count and not kept:
+        raise LoadError(path, f"none of its {count} splats can be drawn: {_reasons(arrays)}")
     warn_dropped(path, count - kept, count, stacklevel=5)
     if max_splats is not None and max_splats < kept:
         good = most_important(scores(arrays, good), max_splats)
@@ -74,6 +84,28 @@ def warn_dropped(path: Path, dropped: int, count: int, stacklevel: int) -> None:
     if dropped:
         problem = f"dropped {dropped} of {count} splats: nan, inf or a zero quat"
         warnings.warn(f"{path}: {problem}", LoadWarning, stacklevel=stacklevel)
+
+
+def _reasons(arrays: Arrays) -> str:
+    """Say how many splats cannot be drawn for each of the arrays, and what to do."""
+    bad = {
+        name: int(np.count_nonzero(~np.isfinite(array.reshape(len(array), -1)).all(axis=1)))
+        for name, array in arrays._asdict().items()
+    }
+    zero = {"quats": "zero, nan or inf"}  # which became nan
+    said = ", ".join(f"{bad[name]} for {zero.get(name, 'nan or inf')} in {name}" for name in bad if bad[name])
+    alone = bad["scales"] and not any(bad[name] for name in bad if name != "scales")
+    linear = ", or read a PLY with raw_scales if its scales are no logarithms" if alone else ""
+    return f"{said}; export it again{linear}"
+
+
+def warn_faint(path: Path, gaussians: Gaussians, stacklevel: int) -> None:
+    """Say that no splat of a scene can be seen, if so: a black picture is no answer."""
+    count = len(gaussians)
+    if count and gaussians.opacities.max() < UNSEEN:
+        problem = f"{count} of {count} splats are too faint to be seen, with opacities below 1/255"
+        remedy = "open an earlier or later state of the training"
+        warnings.warn(f"{path}: {problem}; {remedy}", LoadWarning, stacklevel=stacklevel)
 
 
 def mend_all(arrays: Arrays) -> Mask:

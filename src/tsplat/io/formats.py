@@ -7,7 +7,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Protocol
 
-from tsplat.io import compressed_ply_write, gltf, gltf_write, ksplat, npz, ply, sog, sog_write, splat, spz
+from tsplat.io import (
+    colmap_points,
+    compressed_ply_write,
+    gltf,
+    gltf_write,
+    ksplat,
+    npz,
+    ply,
+    sog,
+    sog_write,
+    splat,
+    spz,
+)
 from tsplat.io import tsplat_file as tsplat
 from tsplat.io.options import LoadOptions
 from tsplat.scene import Gaussians
@@ -53,6 +65,8 @@ HEAD_BYTES = 1024
 FORMATS = (
     Format("PLY", (".ply",), ply.matches, ply.read, ply.write),
     Format("compressed PLY", (".compressed.ply",), ply.matches, ply.read, compressed_ply_write.write),
+    Format("COLMAP points", ("points3d.txt",), colmap_points.matches_text, colmap_points.read_text),
+    Format("COLMAP points", ("points3d.bin",), colmap_points.matches_binary, colmap_points.read_binary),
     Format("NumPy", (".npz",), npz.matches, npz.read),
     Format("SOG", (".sog",), sog.matches, sog.read, sog_write.write, levels=True),
     Format("SOG", (".json",), sog.matches, sog.read, levels=True),

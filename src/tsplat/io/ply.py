@@ -15,13 +15,18 @@ import numpy as np
 from tsplat.errors import LoadError, LoadWarning
 from tsplat.importance import most_important
 from tsplat.io import compressed_ply
+from tsplat.io.activation import Activation
+from tsplat.io.arrays import Arrays
 from tsplat.io.finish import finish, warn_dropped
 from tsplat.io.options import LoadOptions
-from tsplat.io.ply_columns import NAMES, find_columns, rest_names
+from tsplat.io.ply_colors import to_harmonics
+from tsplat.io.ply_columns import NAMES, Columns, find_columns, rest_names
 from tsplat.io.ply_comments import antialias_comments, is_antialiased
 from tsplat.io.ply_decode import Decoder, Piece
-from tsplat.io.ply_header import MAGIC, read_header
+from tsplat.io.ply_halves import with_halves
+from tsplat.io.ply_header import MAGIC, Header, read_header
 from tsplat.io.ply_rows import find_rows, read_rows
+from tsplat.io.points import make_balls
 from tsplat.scene import Gaussians
 
 OPACITY_EPS = 1e-7
@@ -36,14 +41,19 @@ def matches(head: bytes) -> bool:
 
 
 def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) -> Gaussians:
-    """Read a splat PLY, ordinary or compressed; see `tsplat.io.load` for the parameters.
+    """Read a PLY of splats, ordinary or compressed, or of points; see `tsplat.io.load` for the parameters.
 
     Raises
     ------
     LoadError
-        It is a PLY, but of a kind that holds no splats or is not read here.
+        It is a PLY, but of a kind that is not read here, or none of its splats can be drawn.
     CorruptFileError
         Header and contents contradict each other, or the file ends early.
+
+    Warns
+    -----
+    LoadWarning
+        It holds points, splats that move, or halves in columns of integers; or splats were mended or left out.
     """
     with path.open("rb") as file:
         header = read_header(file, path)
@@ -56,28 +66,56 @@ def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) ->
             raise LoadError(path, "holds no element 'vertex', so it is no splat scene; choose another file")
         columns = find_columns(path, vertex)
         start = find_rows(file, path, header, vertex)
+        meant = with_halves(file, path, header, vertex, columns, start)
 
         def pieces(begin: float, end: float) -> Iterator[Piece]:
             done = 0
-            for rows in read_rows(file, path, header, vertex, start):
+            for rows in read_rows(file, path, header, meant, start):
                 yield slice(done, done + len(rows)), rows
                 done += len(rows)
                 progress(begin + (end - begin) * done / vertex.count)
 
-        decoder = Decoder(columns, options.raw_opacity)
-        limit = options.max_splats
-        if limit is None or limit >= vertex.count:
-            arrays = decoder.gather(pieces(0.0, 1.0), vertex.count)
-            clamped = sum(decoder.clamped)
-        else:
-            scores = decoder.score(pieces(0.0, 0.5), vertex.count)
-            clamped = sum(decoder.clamped)
-            warn_dropped(path, int(np.count_nonzero(scores < 0.0)), vertex.count, stacklevel=4)
-            arrays = decoder.pick(pieces(0.5, 1.0), most_important(scores, limit))
-    if clamped:
-        problem = f"{clamped} of {vertex.count} opacities lay outside 0 to 1 and were clamped"
-        warnings.warn(f"{path}: {problem}; logits should be read without raw_opacity", LoadWarning, stacklevel=3)
-    return finish(path, *arrays, max_splats=None, antialiased=is_antialiased(header.comments))
+        arrays = _decoded(path, columns, options, vertex.count, pieces)
+    code = vertex.properties[columns.arrays["sh"][0]].code if len(columns.arrays["sh"]) else ""
+    to_harmonics(arrays.sh[:, 0], columns.colors, code)
+    if columns.are_points:
+        good = make_balls(path, arrays, _kind(header))
+        return finish(path, *arrays, good=good, max_splats=options.max_splats)
+    if columns.moving:
+        names = ", ".join(columns.moving[:3])
+        problem = f"its columns {names} say how splats move in time; they are drawn without, all at once"
+        warnings.warn(f"{path}: {problem}", LoadWarning, stacklevel=3)
+    antialiased = is_antialiased(header.comments) or columns.filter_3d is not None
+    return finish(path, *arrays, max_splats=None, antialiased=antialiased)
+
+
+def _decoded(
+    path: Path,
+    columns: Columns,
+    options: LoadOptions,
+    count: int,
+    pieces: Callable[[float, float], Iterator[Piece]],
+) -> Arrays:
+    """Return all splats, or the weightiest where they are limited and their sizes known."""
+    activation, limit = Activation(options), options.max_splats
+    decoder = Decoder(columns, activation)
+    scores = None
+    if limit is not None and limit < count and not columns.are_points:
+        scores = decoder.score(pieces(0.0, 0.5), count)
+        activation.warn(path, count, stacklevel=5)
+        activation.forget()
+    # Without any that can be drawn, all are read: `finish` says why.
+    if scores is None or limit is None or scores.max(initial=-1.0) < 0.0:
+        arrays = decoder.gather(pieces(0.0, 1.0), count)
+        activation.warn(path, count, stacklevel=5)
+        return arrays
+    warn_dropped(path, int(np.count_nonzero(scores < 0.0)), count, stacklevel=5)
+    return decoder.pick(pieces(0.5, 1.0), most_important(scores, limit))
+
+
+def _kind(header: Header) -> str:
+    faces = header.element("face")
+    return "a mesh" if faces and faces.count else "a point cloud"
 
 
 def write(file: BinaryIO, gaussians: Gaussians) -> None:

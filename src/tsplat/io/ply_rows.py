@@ -17,6 +17,7 @@ import numpy.typing as npt
 from tsplat.errors import CorruptFileError
 from tsplat.io.arrays import chunks
 from tsplat.io.ply_header import Element, Header
+from tsplat.io.ply_words import first_other, numbers
 
 F32 = npt.NDArray[np.float32]
 
@@ -112,31 +113,46 @@ def _text_rows(file: BinaryIO, path: Path, element: Element) -> Iterator[F32]:
         lines: list[list[bytes]] = []
         start = file.tell()
         for row in range(first, min(first + size, element.count)):
-            words = file.readline(MAX_LINE).split()
+            line = _row_line(file)
+            words = line.split()
             if len(words) != columns:
-                if not words and not file.read(1):
+                if not line:
                     raise _ended(path, element, row, file.tell())
                 problem = f"row {row} of {element.name!a} has {len(words)} values, expected {columns}"
-                raise CorruptFileError(path, f"{problem}; the file is damaged, fetch it again", file.tell())
+                commas = b"," in line or b";" in line
+                cure = "put spaces between them" if commas else "the file is damaged, fetch it again"
+                raise CorruptFileError(path, f"{problem}; {cure}", file.tell())
             lines.append(words)
         try:
             with np.errstate(over="ignore", invalid="ignore"):
                 # One by one: an array of words would give each the room of the longest.
-                rows = np.array([[*map(float, words)] for words in lines]).astype(np.float32)
+                rows = np.array(numbers(lines)).astype(np.float32)
         except ValueError as error:
-            problem = f"rows {first} to {first + len(lines) - 1} of {element.name!a} hold a word that is no number"
-            raise CorruptFileError(path, f"{problem}; the file is damaged, fetch it again", start) from error
+            row, word = first_other(lines)
+            shown = ascii(word[:24].decode("latin-1"))
+            problem = f"row {first + row} of {element.name!a} holds a word that is no number, {shown}"
+            cure = "write decimals with a point" if b"," in word else "the file is damaged, fetch it again"
+            raise CorruptFileError(path, f"{problem}; {cure}", start) from error
         yield rows
+
+
+def _row_line(file: BinaryIO) -> bytes:
+    """Return the next line that is not empty and no comment; nothing at the end of the file."""
+    while line := file.readline(MAX_LINE):
+        first = line.split(maxsplit=1)[:1]
+        if first and first[0] != b"comment":
+            break
+    return line
 
 
 def _skip_lines(file: BinaryIO, path: Path, element: Element, position: int) -> int:
     file.seek(position)
-    for row in range(element.count):
-        line = file.readline(MAX_LINE)
-        while len(line) == MAX_LINE and not line.endswith(b"\n"):
-            line = file.readline(MAX_LINE)
+    for row in range(element.count if element.properties else 0):
+        line = _row_line(file)
         if not line:
             raise _ended(path, element, row, file.tell())
+        while len(line) == MAX_LINE and not line.endswith(b"\n"):
+            line = file.readline(MAX_LINE)
     return file.tell()
 
 
