@@ -191,6 +191,19 @@ def test_bounds_of_any_size_warn_of_nothing_but_the_splats(tmp_path: Path, value
             load_bytes(tmp_path, ply_bytes(elements))
 
 
+def test_log_scales_of_minus_infinity_are_flat_splats(tmp_path: Path) -> None:
+    elements = small_tables(0)
+    bounds = list(elements[0].rows[0])
+    names = [name for _, name in elements[0].columns]
+    for axis in "yz":
+        bounds[names.index(f"min_scale_{axis}")] = bounds[names.index(f"max_scale_{axis}")] = -math.inf
+    before = load_bytes(tmp_path, ply_bytes(elements))
+    elements[0].rows = [bounds]
+    after = load_bytes(tmp_path, ply_bytes(elements))
+    np.testing.assert_array_equal(after.scales[:, 0], before.scales[:, 0])
+    assert not after.scales[:, 1:].any()
+
+
 def test_bounds_that_signal_nan_warn_of_nothing_but_the_splats(tmp_path: Path) -> None:
     elements = small_tables(0)
     rows = np.asarray(elements[0].rows, np.float32)

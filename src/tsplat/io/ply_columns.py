@@ -194,7 +194,7 @@ def _refuse_other_kinds(path: Path, vertex: Element, index: dict[str, int]) -> N
     lists = [prop.name for prop in vertex.properties if prop.length_code]
     if lists:
         raise LoadError(path, f"vertex: property {ascii(lists[0])[:40]} is a list; export the scene without it")
-    if "f_anchor_feat_0" in index:
+    if any(name.startswith(("f_anchor_feat", "f_offset_")) for name in index):
         problem = "holds anchors of Scaffold-GS or one of its kind (f_anchor_feat_*), not splats"
         step = "only its trained networks make splats of them: let its own code render them"
         raise LoadError(path, f"{problem}; {step}, or train with 3DGS, gsplat or splatfacto")

@@ -58,7 +58,7 @@ def with_halves(
     rows = np.fromfile(file, record, min(vertex.count, SAMPLE))
     if not len(rows) or max(np.median(np.abs(rows[str(column)].astype(int))) for column in telling) < TELLING:
         return vertex
-    problem = f"{len(short)} of {len(codes)} columns of 16-bit integers hold numbers of 16-bit floating point"
+    problem = f"its {len(short)} columns of 16-bit integers hold numbers of 16-bit floating point"
     warnings.warn(f"{path}: {problem}; they are read as such", LoadWarning, stacklevel=4)
     properties = tuple(
         replace(prop, code="f2") if column in short else prop for column, prop in enumerate(vertex.properties)

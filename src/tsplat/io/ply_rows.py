@@ -113,8 +113,7 @@ def _text_rows(file: BinaryIO, path: Path, element: Element) -> Iterator[F32]:
         lines: list[list[bytes]] = []
         start = file.tell()
         for row in range(first, min(first + size, element.count)):
-            line = _row_line(file)
-            words = line.split()
+            line, words = _next_row(file)
             if len(words) != columns:
                 if not line:
                     raise _ended(path, element, row, file.tell())
@@ -136,19 +135,19 @@ def _text_rows(file: BinaryIO, path: Path, element: Element) -> Iterator[F32]:
         yield rows
 
 
-def _row_line(file: BinaryIO) -> bytes:
-    """Return the next line that is not empty and no comment; nothing at the end of the file."""
-    while line := file.readline(MAX_LINE):
-        first = line.split(maxsplit=1)[:1]
-        if first and first[0] != b"comment":
-            break
-    return line
+def _next_row(file: BinaryIO) -> tuple[bytes, list[bytes]]:
+    """Return the next line that is not empty and no comment, and its words; nothing at the end of the file."""
+    while True:
+        line = file.readline(MAX_LINE)
+        words = line.split()
+        if not line or (words and words[0] != b"comment"):
+            return line, words
 
 
 def _skip_lines(file: BinaryIO, path: Path, element: Element, position: int) -> int:
     file.seek(position)
     for row in range(element.count if element.properties else 0):
-        line = _row_line(file)
+        line, _ = _next_row(file)
         if not line:
             raise _ended(path, element, row, file.tell())
         while len(line) == MAX_LINE and not line.endswith(b"\n"):
