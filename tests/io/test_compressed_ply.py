@@ -197,6 +197,10 @@ def test_log_scales_of_minus_infinity_are_flat_splats(tmp_path: Path) -> None:
     names = [name for _, name in elements[0].columns]
     for axis in "yz":
         bounds[names.index(f"min_scale_{axis}")] = bounds[names.index(f"max_scale_{axis}")] = -math.inf
+    place = [name for _, name in elements[1].columns].index("packed_scale")
+    rows = [list(row) for row in elements[1].rows]
+    rows[0][place], rows[1][place] = 0, 2**32 - 1  # the ends, at which infinity times zero would be nan
+    elements[1].rows = rows
     before = load_bytes(tmp_path, ply_bytes(elements))
     elements[0].rows = [bounds]
     after = load_bytes(tmp_path, ply_bytes(elements))

@@ -54,11 +54,6 @@ class Activation:
             opacities += 1.0
             np.reciprocal(opacities, out=opacities)
 
-    def forget(self) -> None:
-        """Begin to count anew, where the same splats are activated again."""
-        self._clamped.clear()
-        self._negative.clear()
-
     def warn(self, path: Path, count: int, stacklevel: int) -> None:
         """Say what was mended among so many splats, if anything."""
         problems = []

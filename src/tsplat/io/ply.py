@@ -99,16 +99,14 @@ def _decoded(
     """Return all splats, or the weightiest where they are limited and their sizes known."""
     activation, limit = Activation(options), options.max_splats
     decoder = Decoder(columns, activation)
-    scores = None
-    if limit is not None and limit < count and not columns.are_points:
-        scores = decoder.score(pieces(0.0, 0.5), count)
-        activation.warn(path, count, stacklevel=5)
-        activation.forget()
-    # Without any that can be drawn, all are read: `finish` says why.
-    if scores is None or limit is None or scores.max(initial=-1.0) < 0.0:
+    if limit is None or limit >= count or columns.are_points:
         arrays = decoder.gather(pieces(0.0, 1.0), count)
         activation.warn(path, count, stacklevel=5)
         return arrays
+    scores = decoder.score(pieces(0.0, 0.5), count)
+    activation.warn(path, count, stacklevel=5)
+    if scores.max() < 0.0:  # none of them can be drawn: `finish` says why
+        return decoder.gather(pieces(0.5, 1.0), count)
     warn_dropped(path, int(np.count_nonzero(scores < 0.0)), count, stacklevel=5)
     return decoder.pick(pieces(0.5, 1.0), most_important(scores, limit))
 
