@@ -160,23 +160,25 @@ def test_the_3d_filter_of_mip_splatting_is_applied(tmp_path: Path, column: str) 
     assert not expected.antialiased
 
 
+def saved_npz(folder: Path, columns: dict[str, list[Cell]]) -> Path:
+    """Write the columns as gsplat's checkpoint has them."""
+
+    def together(*names: str) -> np.ndarray:
+        return np.stack([np.array(columns[name], np.float32) for name in names], 1)
+
+    path = folder / "scene.npz"
+    scales = together("scale_0", "scale_1", "scale_2")
+    means, quats = together(*"xyz"), together(*(f"rot_{i}" for i in range(4)))
+    sh0 = together(*NAMES[3:6])[:, None]
+    np.savez(path, means=means, quats=quats, scales=scales, opacities=together("opacity"), sh0=sh0)
+    return path
+
+
 @pytest.mark.parametrize("suffix", ["ply", "npz"])
 def test_what_activation_makes_finite_is_kept(tmp_path: Path, suffix: str) -> None:
     columns = plain()
     columns["opacity"][:2], columns["scale_2"][2] = [math.inf, -math.inf], -math.inf
-    if suffix == "ply":
-        found = loaded(tmp_path, file_of(columns))
-    else:
-        array = {name: np.array(values, np.float32) for name, values in columns.items()}
-        np.savez(
-            tmp_path / "scene.npz",
-            means=np.stack([array[axis] for axis in "xyz"], 1),
-            quats=np.stack([array[f"rot_{i}"] for i in range(4)], 1),
-            scales=np.stack([array[f"scale_{i}"] for i in range(3)], 1),
-            opacities=array["opacity"],
-            sh0=np.stack([array[f"f_dc_{i}"] for i in range(3)], 1)[:, None],
-        )
-        found = load(tmp_path / "scene.npz")
+    found = loaded(tmp_path, file_of(columns)) if suffix == "ply" else load(saved_npz(tmp_path, columns))
     assert len(found) == ROWS
     assert found.opacities[:2].tolist() == [1.0, 0.0]
     assert found.scales[2, 2] == 0.0
@@ -207,6 +209,16 @@ def test_raw_scales_are_taken_as_they_are(tmp_path: Path, limit: int | None) -> 
     check_same(found, loaded(tmp_path, file_of(columns), **options))
     with pytest.warns(LoadWarning, match=rf"{3 * ROWS} of {3 * ROWS} scales were negative and lost their sign"):
         loaded(tmp_path, file_of(columns), raw_scales=True, **options)
+
+
+def test_a_checkpoint_may_be_raw_as_well(tmp_path: Path) -> None:
+    columns = plain()
+    raw = {name: np.exp(columns[name]).tolist() if name[:5] == "scale" else columns[name] for name in columns}
+    raw["opacity"] = [1.0 / (1.0 + math.exp(-value)) for value in columns["opacity"]]
+    expected = loaded(tmp_path, file_of(columns))
+    check_same(load(saved_npz(tmp_path, raw), raw_scales=True, raw_opacity=True), expected)
+    with pytest.warns(LoadWarning, match=f"of {ROWS} opacities lay outside 0 to 1 and were clamped"):
+        load(saved_npz(tmp_path, columns), raw_opacity=True)
 
 
 def test_splats_that_move_are_drawn_without_and_it_is_said(tmp_path: Path) -> None:

@@ -81,9 +81,10 @@ def test_points_are_drawn_as_balls_and_it_is_said(tmp_path: Path, name: str) -> 
     [
         ((), [], [[0.5] * 3] * 3),
         (("scalar_Intensity",), [10.0, 20.0, 30.0], [[0.0] * 3, [0.5] * 3, [1.0] * 3]),
+        (("Reflectance",), [-3e38, 0.0, 3e38], [[0.0] * 3, [0.5] * 3, [1.0] * 3]),
         (("f_dc_0", "f_dc_1", "f_dc_2"), [0.0, 0.0, 0.0], [[0.5] * 3] * 3),
     ],
-    ids=["no colours", "intensities", "harmonics"],
+    ids=["no colours", "intensities", "as far as numbers go", "harmonics"],
 )
 def test_points_without_colours_are_grey(
     tmp_path: Path, names: tuple[str, ...], row: list[float], colors: list[list[float]]

@@ -133,7 +133,7 @@ def _raw_scales(measures: Measures, radius: float) -> Finding | None:
         "raw_scales",
         np.ones(count, bool),
         "are at least 1 unit thick, and too large for each other, as scales without the logarithm would be",
-        "try --raw-scales with a PLY; what was converted from a PLY, convert again with raw scales",
+        "try --raw-scales with a PLY or .npz; what was converted from a PLY, convert again with raw scales",
     )
 
 
@@ -146,7 +146,7 @@ def _raw_opacities(measures: Measures, raw_opacity: bool) -> Finding | None:
         "raw_opacity",
         np.ones(len(opacities), bool),
         "have opacities from 0.5 to 0.73, as logits from 0 to 1 would give",
-        "try --raw-opacity with a PLY; what was converted from a PLY, convert again with raw opacities",
+        "try --raw-opacity with a PLY or .npz; what was converted from a PLY, convert again with raw opacities",
     )
 
 

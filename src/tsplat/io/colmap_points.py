@@ -64,14 +64,7 @@ def read_binary(path: Path, options: LoadOptions, progress: Callable[[float], No
     LoadWarning
         Always: these are no splats.
     """
-    with path.open("rb") as file:
-        content = file.read()
-    starts = _starts(path, content, progress)
-    raw, arrays = np.frombuffer(content, np.uint8), Arrays.empty(len(starts), 1)
-    for rows in chunks(len(starts)):
-        points = raw[starts[rows, None] + np.arange(POINT.itemsize)].view(POINT)[:, 0]
-        _fill(arrays.part(rows), points["xyz"], points["rgb"])
-        progress(0.5 + 0.5 * rows.stop / len(starts))
+    arrays = _binary_points(path, progress)
     good = make_balls(path, arrays, "a point cloud of COLMAP")
     return finish(path, *arrays, good=good, max_splats=options.max_splats)
 
@@ -89,13 +82,29 @@ def read_text(path: Path, options: LoadOptions, progress: Callable[[float], None
     LoadWarning
         Always: these are no splats.
     """
-    with path.open("rb") as file:
-        parts = list(_text_points(file, path, progress))
-    points = np.concatenate([np.empty((0, FIELDS)), *parts])
-    arrays = Arrays.empty(len(points), 1)
-    _fill(arrays, points[:, 1:4], points[:, 4:7])
+    arrays = _text_points(path, progress)
     good = make_balls(path, arrays, "a point cloud of COLMAP")
     return finish(path, *arrays, good=good, max_splats=options.max_splats)
+
+
+def _binary_points(path: Path, progress: Callable[[float], None]) -> Arrays:
+    with path.open("rb") as file:
+        content = file.read()
+    starts = _starts(path, content, progress)
+    raw, arrays = np.frombuffer(content, np.uint8), Arrays.empty(len(starts), 1)
+    for rows in chunks(len(starts)):
+        points = raw[starts[rows, None] + np.arange(POINT.itemsize)].view(POINT)[:, 0]
+        _fill(arrays.part(rows), points["xyz"], points["rgb"])
+        progress(0.5 + 0.5 * rows.stop / len(starts))
+    return arrays
+
+
+def _text_points(path: Path, progress: Callable[[float], None]) -> Arrays:
+    with path.open("rb") as file:
+        points = np.concatenate([np.empty((0, FIELDS)), *_text_rows(file, path, progress)])
+    arrays = Arrays.empty(len(points), 1)
+    _fill(arrays, points[:, 1:4], points[:, 4:7])
+    return arrays
 
 
 def _fill(out: Arrays, xyz: F64, rgb: npt.NDArray[np.generic]) -> None:
@@ -132,7 +141,7 @@ def _ended(path: Path, number: int, count: int, offset: int) -> CorruptFileError
     return CorruptFileError(path, f"ends in point {number} of {count}; it is truncated, fetch it again", offset)
 
 
-def _text_points(file: BinaryIO, path: Path, progress: Callable[[float], None]) -> Iterator[F64]:
+def _text_rows(file: BinaryIO, path: Path, progress: Callable[[float], None]) -> Iterator[F64]:
     """Yield the first `FIELDS` numbers of some lines at a time."""
     size, said, found = os.fstat(file.fileno()).st_size, 0, 0
     rows: list[list[bytes]] = []

@@ -32,7 +32,7 @@ def to_harmonics(base: F32, colors: Colors, code: str) -> None:
     elif colors == "rgb":
         _rescale(base, 0.0, _white(base, code))
     elif colors == "intensity":
-        known = base[np.isfinite(base[:, 0]), 0]
+        known = base[np.isfinite(base[:, 0]), 0].astype(np.float64)
         low, high = np.percentile(known, (DARKEST, BRIGHTEST)) if len(known) else (0.0, 1.0)
         _rescale(base, float(low), float(high))
         np.clip(base, -0.5 / SH_C0, 0.5 / SH_C0, out=base)
@@ -50,5 +50,6 @@ def _white(base: F32, code: str) -> float:
 
 def _rescale(base: F32, black: float, white: float) -> None:
     factor, middle = np.float32(1.0 / (max(white - black, 1e-30) * SH_C0)), np.float32(0.5 / SH_C0)
-    for rows in chunks(len(base)):
-        base[rows] = (base[rows] - np.float32(black)) * factor - middle
+    with np.errstate(all="ignore"):  # what that makes is left out
+        for rows in chunks(len(base)):
+            base[rows] = (base[rows] - np.float32(black)) * factor - middle
