@@ -163,6 +163,16 @@ def test_mutated_zips_load_or_say_what_is_wrong(tmp_path: Path, rng: np.random.G
     assert not any("\n" in message for message in messages)
 
 
+def test_a_log_scale_of_minus_infinity_is_flat(tmp_path: Path, rng: np.random.Generator) -> None:
+    scene = made_up(rng)
+    codebook = scene.meta["scales"]["codebook"]
+    before = load_bytes(tmp_path, scene.zipped()).scales
+    lowest = min(codebook, key=lambda value: abs(math.exp(value) - before.min()))
+    scene.meta["scales"]["codebook"] = [-math.inf if value == lowest else value for value in codebook]
+    after = load_bytes(tmp_path, scene.zipped()).scales
+    np.testing.assert_array_equal(after, np.where(before == before.min(), 0.0, before))
+
+
 def test_a_scene_of_numbers_too_large_is_refused(tmp_path: Path, rng: np.random.Generator) -> None:
     scene = made_up(rng)
     scene.meta["means"]["maxs"] = [1e308, 1e308, 1e308]
