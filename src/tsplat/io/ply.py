@@ -20,7 +20,7 @@ from tsplat.io.arrays import Arrays
 from tsplat.io.finish import finish, warn_dropped
 from tsplat.io.options import LoadOptions
 from tsplat.io.ply_colors import to_harmonics
-from tsplat.io.ply_columns import NAMES, Columns, find_columns, rest_names
+from tsplat.io.ply_columns import NAMES, find_columns, rest_names
 from tsplat.io.ply_comments import antialias_comments, is_antialiased
 from tsplat.io.ply_decode import Decoder, Piece
 from tsplat.io.ply_halves import with_halves
@@ -75,36 +75,30 @@ def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) ->
                 done += len(rows)
                 progress(begin + (end - begin) * done / vertex.count)
 
-        arrays = _decoded(path, columns, options, vertex.count, pieces)
+        # How large points are, only all of them together say.
+        limit = None if columns.are_points else options.max_splats
+        arrays = _decoded(path, Decoder(columns, Activation(options)), limit, vertex.count, pieces)
     code = vertex.properties[columns.arrays["sh"][0]].code if len(columns.arrays["sh"]) else ""
     to_harmonics(arrays.sh[:, 0], columns.colors, code)
-    if columns.are_points:
-        good = make_balls(path, arrays, _kind(header))
-        return finish(path, *arrays, good=good, max_splats=options.max_splats)
+    balls = make_balls(path, arrays, _kind(header)) if columns.are_points else None
     if columns.moving:
         names = ", ".join(columns.moving[:3])
         problem = f"its columns {names} say how splats move in time; they are drawn without, all at once"
         warnings.warn(f"{path}: {problem}", LoadWarning, stacklevel=3)
     antialiased = is_antialiased(header.comments) or columns.filter_3d is not None
-    return finish(path, *arrays, max_splats=None, antialiased=antialiased)
+    return finish(path, *arrays, good=balls, max_splats=options.max_splats, antialiased=antialiased)
 
 
 def _decoded(
-    path: Path,
-    columns: Columns,
-    options: LoadOptions,
-    count: int,
-    pieces: Callable[[float, float], Iterator[Piece]],
+    path: Path, decoder: Decoder, limit: int | None, count: int, pieces: Callable[[float, float], Iterator[Piece]]
 ) -> Arrays:
-    """Return all splats, or the weightiest where they are limited and their sizes known."""
-    activation, limit = Activation(options), options.max_splats
-    decoder = Decoder(columns, activation)
-    if limit is None or limit >= count or columns.are_points:
+    """Return all splats, or so many of the weightiest."""
+    if limit is None or limit >= count:
         arrays = decoder.gather(pieces(0.0, 1.0), count)
-        activation.warn(path, count, stacklevel=5)
+        decoder.activation.warn(path, count, stacklevel=5)
         return arrays
     scores = decoder.score(pieces(0.0, 0.5), count)
-    activation.warn(path, count, stacklevel=5)
+    decoder.activation.warn(path, count, stacklevel=5)  # what is picked is counted already
     if scores.max() < 0.0:  # none of them can be drawn: `finish` says why
         return decoder.gather(pieces(0.5, 1.0), count)
     warn_dropped(path, int(np.count_nonzero(scores < 0.0)), count, stacklevel=5)

@@ -80,6 +80,12 @@ class Columns:
         return "scales" not in self.arrays
 
     @property
+    def used(self) -> set[int]:
+        """All columns that are read."""
+        filters = set() if self.filter_3d is None else {self.filter_3d}
+        return filters.union(*(map(int, columns) for columns in self.arrays.values()))
+
+    @property
     def k(self) -> int:
         """How many coefficients a colour has."""
         return max(1, len(self.arrays["sh"]) // 3)

@@ -31,7 +31,7 @@ class Decoder:
     """
 
     def __init__(self, columns: Columns, activation: Activation) -> None:
-        self._columns, self._activation = columns, activation
+        self._columns, self.activation = columns, activation
 
     def gather(self, pieces: Iterable[Piece], count: int) -> Arrays:
         """Decode pieces of ``count`` splats where they will stay."""
@@ -72,9 +72,9 @@ class Decoder:
         if self._columns.are_points:
             return
         lengths = out.scales[:, : len(self._columns.arrays["scales"])]
-        self._activation.scales(lengths)
+        self.activation.scales(lengths)
         out.scales[:, lengths.shape[1] :] = 0.0  # the thickness of 2DGS
-        self._activation.opacities(out.opacities)
+        self.activation.opacities(out.opacities)
         if self._columns.filter_3d is not None:
             _widen(out, values[:, self._columns.filter_3d])
 

@@ -44,10 +44,7 @@ def with_halves(
     """
     codes = [prop.code for prop in vertex.properties]
     others = set(columns.arrays["sh"].tolist()) if columns.colors != "harmonics" else set[int]()
-    meant = {int(column) for each in columns.arrays.values() for column in each} - others
-    if columns.filter_3d is not None:
-        meant.add(columns.filter_3d)
-    short = {column for column in meant if codes[column] in CODES}
+    short = {column for column in columns.used - others if codes[column] in CODES}
     first = columns.arrays["sh"][: len(NAMES["sh"])].tolist()
     scales_and_logits = [*columns.arrays.get("scales", ()), *columns.arrays.get("opacities", ()), *first]
     telling = sorted(short & {int(column) for column in scales_and_logits})
