@@ -148,7 +148,7 @@ def start_pose(gaussians: Gaussians, *, aspect: float, fov_y: float, up: Sequenc
     fov_y : float
         Vertical field of view in degrees, between 0 and 180.
     up : sequence of 3 floats, optional
-        Direction that is up; by default `guess_up` decides.
+        Direction that is up; by default what the file says, else `guess_up` decides.
 
     Returns
     -------
@@ -165,6 +165,8 @@ def start_pose(gaussians: Gaussians, *, aspect: float, fov_y: float, up: Sequenc
     half_y = 0.5 / float(intrinsics(1, 1, fov_y)[1, 1])
     inner = _inner(_sample(gaussians))
     box = _bounds(inner)
+    if up is None:
+        up = gaussians.up
     if up is None:
         up = _guess_up(gaussians, box) if len(gaussians) else UP_DEFAULT
     # The front of y-up scenes faces +z, that of the others the opposite side.

@@ -21,7 +21,7 @@ from tsplat.io.compressed_ply import (
     SH_RANGE,
     WORDS,
 )
-from tsplat.io.ply_comments import antialias_comments
+from tsplat.io.ply_comments import comments_of
 from tsplat.scene import SH_C0, SH_COEFFICIENTS, Gaussians
 
 F32 = npt.NDArray[np.float32]
@@ -49,7 +49,7 @@ def write(file: BinaryIO, gaussians: Gaussians) -> None:
     order = morton_order(gaussians.means)
     blocks = [order[first : first + BLOCK] for first in range(0, n, BLOCK)]
     packed = [_pack_splats(gaussians, block) for block in blocks]
-    file.write(_header(n, 3 * (k - 1), antialias_comments(gaussians)))
+    file.write(_header(n, 3 * (k - 1), comments_of(gaussians)))
     for bounds, _ in packed:
         file.write(bounds)
     for _, words in packed:

@@ -16,7 +16,7 @@ from tsplat.errors import LoadWarning
 from tsplat.importance import importance, most_important
 from tsplat.io.arrays import Arrays, chunks
 from tsplat.io.threads import on_threads
-from tsplat.scene import Gaussians
+from tsplat.scene import Gaussians, Vector
 
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
@@ -34,6 +34,7 @@ def finish(
     good: Mask | None = None,
     max_splats: int | None,
     antialiased: bool = False,
+    up: Vector | None = None,
 ) -> Gaussians:
     """Return the scene of a file.
 
@@ -47,7 +48,7 @@ def finish(
         As from `mend`, where the reader knows or has mended the splats; else all are mended here.
     max_splats : int or None
         Keep at most this many, those with the largest opacity times area.
-    antialiased : bool
+    antialiased, up
         As in `Gaussians`.
 
     Warns
@@ -65,8 +66,7 @@ def finish(
     warn_dropped(path, count - kept, count, stacklevel=5)
     if max_splats is not None and max_splats < kept:
         good = most_important(scores(arrays, good), max_splats)
-    means, quats, scales, opacities, sh = (keep(array, good) for array in arrays)
-    return Gaussians.of_finite(means, quats, scales, opacities, sh, antialiased)
+    return Gaussians.of_finite(*(keep(array, good) for array in arrays), antialiased=antialiased, up=up)
 
 
 def warn_dropped(path: Path, dropped: int, count: int, stacklevel: int) -> None:

@@ -27,6 +27,9 @@ from tsplat.scene import Gaussians
 
 HALF_TURN = np.diag([-1.0, -1.0, 1.0, 1.0])
 
+UP = (0.0, -1.0, 0.0)
+"""+Y of the format, after that turn."""
+
 SPLATS_A_BYTE = 16
 """Nodes may show the same splats again and again; so many more than there are bytes are a trap."""
 
@@ -70,7 +73,7 @@ def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) ->
     for problem in sorted(problems):
         warnings.warn(f"{path}: {problem}", LoadWarning, stacklevel=3)
     antialiased = all(primitive.antialiased for primitive, _ in placed)
-    return finish(path, *splats, max_splats=options.max_splats, antialiased=antialiased)
+    return finish(path, *splats, max_splats=options.max_splats, antialiased=antialiased, up=UP)
 
 
 def _find(document: Document) -> tuple[list[Placed], set[str]]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from tsplat.io import compressed_ply
 from tsplat.io.finish import finish, warn_dropped
 from tsplat.io.options import LoadOptions
 from tsplat.io.ply_columns import NAMES, find_columns, rest_names
-from tsplat.io.ply_comments import antialias_comments, is_antialiased
+from tsplat.io.ply_comments import comments_of, is_antialiased, said_up
 from tsplat.io.ply_decode import Decoder, Piece
 from tsplat.io.ply_header import MAGIC, read_header
 from tsplat.io.ply_rows import find_rows, read_rows
@@ -47,10 +47,10 @@ def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) ->
     """
     with path.open("rb") as file:
         header = read_header(file, path)
+        about: dict[str, Any] = {"antialiased": is_antialiased(header.comments), "up": said_up(header.comments)}
         if compressed_ply.is_compressed(header):
             arrays, good = compressed_ply.read_arrays(file, path, header, progress)
-            antialiased = is_antialiased(header.comments)
-            return finish(path, *arrays, good=good, max_splats=options.max_splats, antialiased=antialiased)
+            return finish(path, *arrays, good=good, max_splats=options.max_splats, **about)
         vertex = header.element("vertex")
         if vertex is None:
             raise LoadError(path, "holds no element 'vertex', so it is no splat scene; choose another file")
@@ -77,7 +77,7 @@ def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) ->
     if clamped:
         problem = f"{clamped} of {vertex.count} opacities lay outside 0 to 1 and were clamped"
         warnings.warn(f"{path}: {problem}; logits should be read without raw_opacity", LoadWarning, stacklevel=3)
-    return finish(path, *arrays, max_splats=None, antialiased=is_antialiased(header.comments))
+    return finish(path, *arrays, max_splats=None, **about)
 
 
 def write(file: BinaryIO, gaussians: Gaussians) -> None:
@@ -90,7 +90,7 @@ def write(file: BinaryIO, gaussians: Gaussians) -> None:
     normals = ["nx", "ny", "nz"]
     names = [*NAMES["means"], *normals, *NAMES["sh"], *rest]
     names += [*NAMES["opacities"], *NAMES["scales"], *NAMES["quats"]]
-    lines = ["ply", "format binary_little_endian 1.0", *antialias_comments(gaussians)]
+    lines = ["ply", "format binary_little_endian 1.0", *comments_of(gaussians)]
     lines += [f"element vertex {len(gaussians)}"]
     lines += [f"property float {name}" for name in names]
     file.write("\n".join([*lines, "end_header", ""]).encode("ascii"))
