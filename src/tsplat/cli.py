@@ -181,8 +181,11 @@ def _camera(
     """Return the camera asked for; what was not said comes from the start view."""
     from tsplat.camera import Camera
     from tsplat.framing import start_pose
+    from tsplat.origin import in_scene
 
-    start = start_pose(framed_by(gaussians), aspect=width / height, fov_y=fov_y, up=up)
+    frame = framed_by(gaussians)
+    start = start_pose(frame, aspect=width / height, fov_y=fov_y, up=up)
+    eye, target = (None if point is None else tuple(in_scene(frame, point)) for point in (eye, target))
     target = target or (None if eye is None else tuple(start.target))
     if target is None:
         return start.camera(width, height, fov_y)

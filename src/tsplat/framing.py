@@ -29,6 +29,9 @@ REACH = 2.5
 edges lie at 2, 1.4 and 1.3, and far inside the backdrop of an outdoor capture. At 2.2, a rod of a few
 hundred splats loses its ends one after the other."""
 
+RESOLVED = 1e-6
+"""Of the distance from the origin: what lies in less room than that is one point to float32."""
+
 TAIL = 0.01
 """Share of the weight left out at either end of an axis."""
 
@@ -233,7 +236,8 @@ def _bounds(inner: _Sample) -> Bulk:
     radius = _quantile(np.linalg.norm(inner.means - center, axis=1), inner.weights, 1.0 - TAIL)
     # One splat, or many in one place, are as large as they are drawn.
     size = 3.0 * _quantile(inner.sizes, inner.weights, 0.5)
-    return Bulk(center, max(radius, size, 1e-4 * (1.0 + float(np.linalg.norm(center)))), low, high)
+    resolved = RESOLVED * float(np.linalg.norm(center))
+    return Bulk(center, max(radius, size, resolved) or 1e-4, low, high)
 
 
 def _flat_surface(gaussians: Gaussians) -> tuple[F64, F64, F64]:

@@ -9,7 +9,8 @@ import numpy as np
 
 from tsplat.edit.harmonics import with_sh_degree
 from tsplat.errors import LoadWarning
-from tsplat.scene import Gaussians
+from tsplat.origin import placed, world_means
+from tsplat.scene import Gaussians, Vector
 
 
 def join(scenes: Sequence[Gaussians]) -> Gaussians:
@@ -23,12 +24,13 @@ def join(scenes: Sequence[Gaussians]) -> Gaussians:
     Returns
     -------
     Gaussians
-        Of the highest degree of harmonics among them, the missing ones zero; antialiased where all are.
+        Of the highest degree of harmonics among them, the missing ones zero; antialiased where all are; with what
+        is up where those that say so agree.
 
     Warns
     -----
     LoadWarning
-        Some are antialiased and some are not: no way to draw them suits all.
+        Some are antialiased and some are not: no way to draw them suits all. Or some have another side up.
     """
     if len(scenes) == 1:
         return scenes[0]
@@ -39,4 +41,16 @@ def join(scenes: Sequence[Gaussians]) -> Gaussians:
     degree = max(scene.sh_degree for scene in scenes)
     arrays = zip(*(with_sh_degree(scene, degree).arrays for scene in scenes), strict=True)
     means, quats, scales, opacities, sh = (np.concatenate(parts) for parts in arrays)
-    return Gaussians(means, quats, scales, opacities, sh, antialiased == len(scenes))
+    joined = Gaussians(means, quats, scales, opacities, sh, antialiased == len(scenes), _common_up(scenes))
+    if all(scene.origin is None for scene in scenes):
+        return joined
+    return placed(joined, np.concatenate([world_means(scene) for scene in scenes]))
+
+
+def _common_up(scenes: Sequence[Gaussians]) -> Vector | None:
+    ups = [scene.up for scene in scenes if scene.up]
+    if not ups or np.allclose(ups, ups[0], atol=1e-6):
+        return ups[0] if ups else None
+    problem = f"{len(ups)} of {len(scenes)} scenes say what is up, and not the same; joined, it is not known"
+    warnings.warn(f"{problem}; turn some of them by --rotate before", LoadWarning, stacklevel=3)
+    return None

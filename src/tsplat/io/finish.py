@@ -16,6 +16,7 @@ from tsplat.errors import LoadWarning
 from tsplat.importance import importance, most_important
 from tsplat.io.arrays import Arrays, chunks
 from tsplat.io.threads import on_threads
+from tsplat.origin import find_origin, take_off
 from tsplat.scene import Gaussians, Vector
 
 F32 = npt.NDArray[np.float32]
@@ -35,6 +36,7 @@ def finish(
     max_splats: int | None,
     antialiased: bool = False,
     up: Vector | None = None,
+    origin: Vector | None = None,
 ) -> Gaussians:
     """Return the scene of a file.
 
@@ -50,6 +52,8 @@ def finish(
         Keep at most this many, those with the largest opacity times area.
     antialiased, up
         As in `Gaussians`.
+    origin : tuple of 3 floats, optional
+        As in `Gaussians`, where the reader has taken one off; else it is looked for here.
 
     Warns
     -----
@@ -66,7 +70,11 @@ def finish(
     warn_dropped(path, count - kept, count, stacklevel=5)
     if max_splats is not None and max_splats < kept:
         good = most_important(scores(arrays, good), max_splats)
-    return Gaussians.of_finite(*(keep(array, good) for array in arrays), antialiased=antialiased, up=up)
+    means, quats, scales, opacities, sh = (keep(array, good) for array in arrays)
+    if origin is None and (origin := find_origin(means)):
+        take_off(means, origin)
+    about = {"antialiased": antialiased, "up": up, "origin": origin}
+    return Gaussians.of_finite(means, quats, scales, opacities, sh, **about)
 
 
 def warn_dropped(path: Path, dropped: int, count: int, stacklevel: int) -> None:

@@ -151,6 +151,15 @@ def _pieces(gaussians: Gaussians, columns: list[Column]) -> Iterator[bytes]:
             yield column.values(slice(first, first + CHUNK_SPLATS)).astype("<" + column.code).tobytes()
 
 
+def _translation(gaussians: Gaussians) -> dict[str, list[float]]:
+    """Return where the scene's origin is: numbers of a JSON are float64, those of a splat float32."""
+    if not gaussians.origin:
+        return {}
+    return {
+        "translation": [value * float(sign) for value, sign in zip(gaussians.origin, MEANS_SIGNS, strict=True)]
+    }
+
+
 def _describe(gaussians: Gaussians, columns: list[Column], uri: str | None) -> dict[str, Any]:
     """Return the JSON of a file whose buffer has one column after the other."""
     count, offset = len(gaussians), 0
@@ -176,7 +185,7 @@ def _describe(gaussians: Gaussians, columns: list[Column], uri: str | None) -> d
         "extensionsUsed": [EXTENSION],
         "scene": 0,
         "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0}],
+        "nodes": [{"mesh": 0} | _translation(gaussians)],
         "meshes": [{"primitives": [primitive]}],
         "accessors": accessors,
         "bufferViews": views,

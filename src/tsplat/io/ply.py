@@ -21,6 +21,7 @@ from tsplat.io.ply_columns import NAMES, find_columns, rest_names
 from tsplat.io.ply_comments import comments_of, is_antialiased, said_up
 from tsplat.io.ply_decode import Decoder, Piece
 from tsplat.io.ply_header import MAGIC, read_header
+from tsplat.io.ply_origin import origin_of_rows
 from tsplat.io.ply_rows import find_rows, read_rows
 from tsplat.scene import Gaussians
 
@@ -56,10 +57,13 @@ def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) ->
             raise LoadError(path, "holds no element 'vertex', so it is no splat scene; choose another file")
         columns = find_columns(path, vertex)
         start = find_rows(file, path, header, vertex)
+        axes = [int(column) for column in columns["means"]]
+        origin = origin_of_rows(file, header, vertex, start, axes)
+        shifts = dict(zip(axes, origin, strict=True)) if origin else None
 
         def pieces(begin: float, end: float) -> Iterator[Piece]:
             done = 0
-            for rows in read_rows(file, path, header, vertex, start):
+            for rows in read_rows(file, path, header, vertex, start, shifts):
                 yield slice(done, done + len(rows)), rows
                 done += len(rows)
                 progress(begin + (end - begin) * done / vertex.count)
@@ -77,7 +81,7 @@ def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) ->
     if clamped:
         problem = f"{clamped} of {vertex.count} opacities lay outside 0 to 1 and were clamped"
         warnings.warn(f"{path}: {problem}; logits should be read without raw_opacity", LoadWarning, stacklevel=3)
-    return finish(path, *arrays, max_splats=None, **about)
+    return finish(path, *arrays, max_splats=None, origin=origin, **about)
 
 
 def write(file: BinaryIO, gaussians: Gaussians) -> None:
