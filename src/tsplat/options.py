@@ -51,6 +51,8 @@ def shared(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
         "lod": click.option("--lod", type=LEVEL, default="0", metavar="N|all",
                             help="Level of detail of a streamed scene, 0 the finest, or all of them. "
                             "[view: all, one at a time; else 0]"),
+        "strict": click.option("--strict", is_flag=True,
+                               help="Write nothing where something would be lost that is beyond the format."),
         "fov-y": click.option("--fov-y", type=click.FloatRange(0, 180, True, True), default=FOV_Y,
                               show_default=True, metavar="DEGREES", help="Vertical field of view."),
         "train-focal": click.option("--train-focal", type=click.FloatRange(0, min_open=True), metavar="PIXELS",

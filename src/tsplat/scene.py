@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tsplat.errors import SceneError
+from tsplat.extra import Extra
 
 F32 = npt.NDArray[np.float32]
 Vector = tuple[float, float, float]
@@ -54,6 +55,8 @@ class Gaussians:
     origin : tuple of 3 floats, optional
         Where (0, 0, 0) of ``means`` is in the world, in float64: scenes far from the world's origin for their size
         would lose detail in float32. None is the world's own.
+    extra : Extra, optional
+        What else a PLY holds, where it was asked for, see `tsplat.io.load`.
 
     Raises
     ------
@@ -69,6 +72,7 @@ class Gaussians:
     antialiased: bool = False
     up: Vector | None = None
     origin: Vector | None = None
+    extra: Extra | None = None
 
     def __post_init__(self) -> None:
         self._own_shaped()
@@ -91,6 +95,8 @@ class Gaussians:
     def _own_shaped(self) -> None:
         for name in ("up", "origin"):
             _check_vector(name, getattr(self, name))
+        if self.up is not None and not any(self.up):
+            raise SceneError("up must be a direction, got three zeros")
         for name in ARRAYS:
             object.__setattr__(self, name, _own(getattr(self, name)))
         n = len(self.means) if self.means.ndim else 0
@@ -101,6 +107,9 @@ class Gaussians:
         if self.sh.ndim != 3 or self.sh.shape[1] not in SH_COEFFICIENTS:
             raise SceneError(f"sh must have shape [{n}, K, 3], K in {SH_COEFFICIENTS}, got {list(self.sh.shape)}")
         _check_shape("sh", self.sh, (n, self.sh.shape[1], 3))
+
+        if self.extra is not None:
+            _check_shape("extra.columns", self.extra.columns, (n,))
 
     def _check_ranges(self) -> None:
         _check_range("scales", self.scales, 0.0, math.inf)
@@ -132,7 +141,8 @@ class Gaussians:
         """Return the chosen Gaussians, in the order of the indices."""
         chosen = np.asarray(source_from_kept, np.intp)
         means, quats, scales, opacities, sh = (array[chosen] for array in self.arrays)
-        return replace(self, means=means, quats=quats, scales=scales, opacities=opacities, sh=sh)
+        extra = self.extra and self.extra.take(chosen)
+        return replace(self, means=means, quats=quats, scales=scales, opacities=opacities, sh=sh, extra=extra)
 
 
 def _own(array: npt.ArrayLike) -> F32:
@@ -144,7 +154,7 @@ def _own(array: npt.ArrayLike) -> F32:
     return owned
 
 
-def _check_shape(name: str, array: F32, shape: tuple[int, ...]) -> None:
+def _check_shape(name: str, array: npt.NDArray[Any], shape: tuple[int, ...]) -> None:
     if array.shape != shape:
         raise SceneError(f"{name} must have shape {list(shape)}, got {list(array.shape)}")
 

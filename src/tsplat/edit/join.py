@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from tsplat.edit.harmonics import with_sh_degree
 from tsplat.errors import LoadWarning
+from tsplat.extra import joined as joined_extra
 from tsplat.origin import placed, world_means
 from tsplat.scene import Gaussians, Vector
 
@@ -42,6 +44,7 @@ def join(scenes: Sequence[Gaussians]) -> Gaussians:
     arrays = zip(*(with_sh_degree(scene, degree).arrays for scene in scenes), strict=True)
     means, quats, scales, opacities, sh = (np.concatenate(parts) for parts in arrays)
     joined = Gaussians(means, quats, scales, opacities, sh, antialiased == len(scenes), _common_up(scenes))
+    joined = replace(joined, extra=joined_extra([scene.extra for scene in scenes], [*map(len, scenes)]))
     if all(scene.origin is None for scene in scenes):
         return joined
     return placed(joined, np.concatenate([world_means(scene) for scene in scenes]))

@@ -46,12 +46,14 @@ def rotate(gaussians: Gaussians, degrees: Sequence[float]) -> Gaussians:
         quats=(quats / np.linalg.norm(quats, axis=1, keepdims=True)).astype(np.float32),
         sh=rotate_sh(gaussians.sh, rotation),
         up=_turned(gaussians.up, rotation),
+        extra=gaussians.extra and gaussians.extra.turned(rotation),
     )
 
 
 def translate(gaussians: Gaussians, offset: Sequence[float]) -> Gaussians:
     """Shift a scene by three world units along x, y and z."""
-    return placed(gaussians, world_means(gaussians) + np.asarray(offset, np.float64))
+    moved = placed(gaussians, world_means(gaussians) + np.asarray(offset, np.float64))
+    return replace(moved, extra=gaussians.extra and gaussians.extra.moved())
 
 
 def scale(gaussians: Gaussians, factor: float) -> Gaussians:
@@ -64,7 +66,11 @@ def scale(gaussians: Gaussians, factor: float) -> Gaussians:
     """
     if not factor > 0.0:
         raise OptionError(f"the factor of a scale must be above 0, got {factor}")
-    return replace(placed(gaussians, world_means(gaussians) * factor), scales=gaussians.scales * factor)
+    return replace(
+        placed(gaussians, world_means(gaussians) * factor),
+        scales=gaussians.scales * factor,
+        extra=gaussians.extra and gaussians.extra.moved(),
+    )
 
 
 def _turned(up: Vector | None, rotation: F64) -> Vector | None:

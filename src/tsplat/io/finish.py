@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tsplat.errors import LoadWarning
+from tsplat.extra import Extra
 from tsplat.importance import importance, most_important
 from tsplat.io.arrays import Arrays, chunks
 from tsplat.io.threads import on_threads
@@ -37,6 +38,7 @@ def finish(
     antialiased: bool = False,
     up: Vector | None = None,
     origin: Vector | None = None,
+    extra: Extra | None = None,
 ) -> Gaussians:
     """Return the scene of a file.
 
@@ -50,7 +52,7 @@ def finish(
         As from `mend`, where the reader knows or has mended the splats; else all are mended here.
     max_splats : int or None
         Keep at most this many, those with the largest opacity times area.
-    antialiased, up
+    antialiased, up, extra
         As in `Gaussians`.
     origin : tuple of 3 floats, optional
         As in `Gaussians`, where the reader has taken one off; else it is looked for here.
@@ -73,7 +75,9 @@ def finish(
     means, quats, scales, opacities, sh = (keep(array, good) for array in arrays)
     if origin is None and (origin := find_origin(means)):
         take_off(means, origin)
-    about = {"antialiased": antialiased, "up": up, "origin": origin}
+    about = {"antialiased": antialiased, "up": up, "origin": origin, "extra": extra}
+    if extra and not good.all():
+        about["extra"] = extra.take(np.flatnonzero(good))
     return Gaussians.of_finite(means, quats, scales, opacities, sh, **about)
 
 

@@ -65,7 +65,7 @@ class Column:
     values: Values
 
 
-def write_glb(file: BinaryIO, gaussians: Gaussians) -> None:
+def write_glb(file: BinaryIO, gaussians: Gaussians) -> list[str]:
     """Write a GLB.
 
     Parameters
@@ -90,9 +90,10 @@ def write_glb(file: BinaryIO, gaussians: Gaussians) -> None:
     file.write(HEADER.pack(MAGIC, 2, length) + CHUNK.pack(len(text), b"JSON") + text + CHUNK.pack(size, b"BIN\0"))
     for piece in _pieces(gaussians, columns):
         file.write(piece)
+    return []
 
 
-def write_gltf(file: BinaryIO, gaussians: Gaussians) -> None:
+def write_gltf(file: BinaryIO, gaussians: Gaussians) -> list[str]:
     """Write a .gltf that holds its numbers as base64; the parameters are those of `write_glb`.
 
     Raises
@@ -111,6 +112,7 @@ def write_gltf(file: BinaryIO, gaussians: Gaussians) -> None:
         file.write(binascii.b2a_base64(whole[:cut], newline=False))
         rest = whole[cut:]
     file.write(binascii.b2a_base64(rest, newline=False) + after.encode())
+    return []
 
 
 def _columns(gaussians: Gaussians) -> list[Column]:

@@ -26,6 +26,9 @@ class LoadOptions:
     lod : int, optional
         Which level of detail of a streamed scene, 0 the finest; None for all of them, one over the other.
 
+    extra : bool
+        Keep what else a PLY holds: columns and elements of its own, comments.
+
     Raises
     ------
     OptionError
@@ -36,6 +39,7 @@ class LoadOptions:
     raw_opacity: bool = False
     spz_frame: SpzFrame = "rub"
     lod: int | None = 0
+    extra: bool = False
 
     def __post_init__(self) -> None:
         if self.max_splats is not None and self.max_splats < 1:

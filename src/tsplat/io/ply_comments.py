@@ -63,17 +63,36 @@ def up_of(comment: str) -> Vector | None:
     return None
 
 
-def comments_of(gaussians: Gaussians) -> list[str]:
-    """Return the lines of a header that keep what `Gaussians` says of training and of what is up; maybe none."""
-    lines = [f"comment {MODE} mip"] if gaussians.antialiased else []
-    return lines + ([f"comment Vertical Axis: {_called(gaussians.up)}"] if gaussians.up else [])
+def comment_lines(gaussians: Gaussians) -> list[bytes]:
+    """Return the lines of a header that say how it was trained and what is up, and all other comments."""
+    kept = gaussians.extra.comments if gaussians.extra else ()
+    said = [line.decode("ascii", "backslashreplace").partition(" ")[2] for line in kept]
+    as_said = said_up(said) == gaussians.up
+    lines = [
+        line
+        for line, text in zip(kept, said, strict=True)
+        if not _of_training(text) and (as_said or up_of(text) is None)
+    ]
+    if gaussians.antialiased:
+        lines.append(f"comment {MODE} mip".encode())
+    if gaussians.up and not as_said:
+        lines.append(f"comment Vertical Axis: {_called(gaussians.up)}".encode())
+    return lines
+
+
+def _of_training(comment: str) -> bool:
+    match comment.split():
+        case [word, _] if word in (MODE, FLAG):
+            return True
+    return False
 
 
 def _called(up: Vector) -> str:
     """Return the axis that is up, or three numbers where it is none."""
     largest = max(range(3), key=lambda axis: abs(up[axis]))
     if abs(up[largest]) > 1.0 - 1e-9:
-        return f"{'-' if up[largest] < 0.0 else '+'}{'xyz'[largest]}"
+        # Without a sign, y might be either.
+        return ("-" if up[largest] < 0.0 else "+" if largest == 1 else "") + "xyz"[largest]
     return " ".join(f"{value:.9g}" for value in up)
 
 

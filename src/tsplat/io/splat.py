@@ -17,6 +17,7 @@ import numpy.typing as npt
 from tsplat.errors import CorruptFileError
 from tsplat.io.arrays import F32, Arrays, chunks
 from tsplat.io.finish import finish
+from tsplat.io.losses import SHARE, counted
 from tsplat.io.options import LoadOptions
 from tsplat.io.threads import on_threads
 from tsplat.scene import SH_C0, Gaussians
@@ -32,6 +33,10 @@ QUAT_STEPS = np.float32(128.0)
 OPACITIES = np.arange(256, dtype=np.float32) / np.float32(255.0)
 COLORS = (OPACITIES - np.float32(0.5)) / np.float32(SH_C0)
 """What a byte stands for."""
+
+
+CUT = 0.02
+"""A colour may lie so far outside of what a byte holds: nobody sees it."""
 
 
 def matches(head: bytes) -> bool:  # noqa: ARG001
@@ -76,7 +81,7 @@ def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) ->
     return finish(path, *arrays, max_splats=options.max_splats)
 
 
-def write(file: BinaryIO, gaussians: Gaussians) -> None:
+def write(file: BinaryIO, gaussians: Gaussians) -> list[str]:
     """Write a ``.splat`` in the order of the scene, each value rounded to the nearest that a byte can hold.
 
     What colours change with the view is left out, and a colour is cut to 0 to 1.
@@ -88,6 +93,9 @@ def write(file: BinaryIO, gaussians: Gaussians) -> None:
         records["rgba"][:, 3] = _bytes(gaussians.opacities[part] * 255.0)
         records["quats"] = _bytes((gaussians.quats[part] + 1.0) * QUAT_STEPS)
         file.write(records.tobytes())
+    shown = 0.5 + SH_C0 * gaussians.sh[:, 0]
+    beyond = ((shown < -CUT) | (shown > 1.0 + CUT)).any(axis=1)
+    return counted(beyond, "have colours outside of 0 to 1, and were cut to that", SHARE)
 
 
 def decode_rgba(rgba: U8, out: Arrays) -> None:

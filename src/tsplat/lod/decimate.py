@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -68,7 +67,10 @@ def _gaussians_of(level: Level, source: Gaussians) -> Gaussians:
     for first in range(0, n, CHUNK):
         part = slice(first, first + CHUNK)
         quats[part], scales[part] = principal_axes(level.covars[part])
-    return replace(source, means=level.means, quats=quats, scales=scales, opacities=level.opacities, sh=level.sh)
+    extra = source.extra and source.extra.of_others(n, "their splats were merged")
+    return Gaussians(
+        level.means, quats, scales, level.opacities, level.sh, source.antialiased, source.up, source.origin, extra
+    )
 
 
 def principal_axes(covars: F32) -> tuple[F64, F64]:
