@@ -22,7 +22,7 @@ from tsplat.io.compressed_ply import (
     SH_RANGE,
     WORDS,
 )
-from tsplat.io.losses import SHARE, counted, sigmas_cut
+from tsplat.io.losses import colors_cut, sigmas_cut
 from tsplat.io.ply_comments import comment_lines
 from tsplat.scene import SH_C0, SH_COEFFICIENTS, Gaussians
 
@@ -37,7 +37,7 @@ MAX_LOG_SCALE = 20.0
 SH_DEGREE_MAX = 3
 """Other readers of this format know no more."""
 
-ROOM = 4.0
+ROOM = 8.0
 """Radii of the bulk in which all splats share chunks; beyond, every time farther out by this."""
 
 MORTON_BITS = 21
@@ -62,9 +62,8 @@ def write(file: BinaryIO, gaussians: Gaussians) -> list[str]:
     if k > 1:
         for part in rows:
             file.write(_pack_rest(gaussians.sh[order[part], 1:k]))
-    beyond = (np.abs(gaussians.sh[:, 1:k]) > SH_RANGE).any(axis=(1, 2))
     tiny = math.exp(-MAX_LOG_SCALE)
-    losses = counted(beyond, f"have harmonics beyond {SH_RANGE:g}, cut to that", SHARE)
+    losses = colors_cut(gaussians, slice(1, k), SH_RANGE, f"harmonics beyond {SH_RANGE:g}")
     return sigmas_cut(gaussians, box, tiny, 1.0 / tiny) + losses
 
 

@@ -18,16 +18,19 @@ import numpy.typing as npt
 from tsplat.errors import SaveError, SaveWarning, printable
 from tsplat.extra import Extra, described
 from tsplat.framing import UP_DEFAULT, Bulk
+from tsplat.importance import importance
+from tsplat.io.ply_comments import matters
 from tsplat.scene import SH_COEFFICIENTS, Gaussians
 
+F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
 FINE = 1 / 2048
 """Radii of the bulk by which a sigma may change: a tenth of a pixel where the bulk fills a picture of 480 rows."""
 
-SHARE = 0.01
-"""Of all splats: colours cut in fewer of them are those of a few highlights."""
+SHOWN = 0.01
+"""Root of the mean square by which colours may change, from 0 to 1: 40 dB."""
 
 
 def warn_lost(path: Path, losses: Sequence[str], stacklevel: int) -> None:
@@ -48,11 +51,36 @@ def refuse_lost(path: Path, losses: Sequence[str]) -> None:
         raise SaveError(f"{printable(str(path))}: {'; '.join(losses)}; nothing is written, as strict asks")
 
 
-def counted(which: npt.ArrayLike, problem: str, at_least: float = 0.0) -> list[str]:
-    """Return one text that says how many splats have a problem; none where hardly any have."""
+def counted(which: npt.ArrayLike, problem: str) -> list[str]:
+    """Return one text that says how many splats have a problem; none where none has."""
     mask = np.asarray(which)
     count, total = int(np.count_nonzero(mask)), len(mask)
-    return [f"{count:,} of {total:,} splats {problem}"] if count > at_least * total else []
+    return [f"{count:,} of {total:,} splats {problem}"] if count else []
+
+
+def colors_cut(gaussians: Gaussians, which: slice, limit: float, what: str) -> list[str]:
+    """Return what is lost where a file has only coefficients of colours from minus ``limit`` to ``limit``.
+
+    Parameters
+    ----------
+    gaussians : Gaussians
+        The scene.
+    which : slice
+        Coefficients.
+    limit : float
+        The largest that the file has.
+    what : str
+        What to call those beyond.
+    """
+    sh = gaussians.sh[:, which]
+    rows = np.flatnonzero((np.abs(sh) > limit).any(axis=(1, 2)))
+    weights = importance(gaussians.scales, gaussians.opacities).astype(np.float64)
+    # The harmonics are orthonormal: the mean square over the sphere is the sum of squares over its area.
+    excess = np.maximum(np.abs(sh[rows].astype(np.float64)) - limit, 0.0)
+    squares = np.minimum(np.square(excess).sum(axis=(1, 2)) / (3.0 * 4.0 * np.pi), 1.0)
+    if squares @ weights[rows] <= SHOWN**2 * weights.sum():
+        return []
+    return [f"{len(rows):,} of {len(sh):,} splats have {what}, and were cut to that"]
 
 
 def sigmas_cut(gaussians: Gaussians, box: Bulk, least: float, most: float) -> list[str]:
@@ -130,8 +158,6 @@ def _left_behind(extra: Extra | None, comments: bool) -> list[str]:
         return []
     left = [described(extra.names, "column")] if extra.names else []
     left += [described([table.name for table in extra.tables], "element")] if extra.tables else []
-    if extra.comments and not comments:
-        left.append(
-            f"{len(extra.comments)} {'lines of comments were' if len(extra.comments) > 1 else 'comment was'}"
-        )
+    count = 0 if comments else sum(map(matters, extra.comments))
+    left += [f"{count} {'lines of comments were' if count > 1 else 'comment was'}"] if count else []
     return [*extra.lost, *([f"{', '.join(left)} left behind; .ply keeps them"] if left else [])]

@@ -30,6 +30,11 @@ _VECTOR = re.compile(rf"{_UP}({_NUMBER}){_SEPARATOR}({_NUMBER}){_SEPARATOR}({_NU
 _UPWARD = re.compile(r"(?<![a-z0-9])([-+]?)([xyz])[ _-]?(?:axis[ _-]?)?(?:(?:is|points)[ _-])?(up|down)(?![a-z])")
 
 
+_MAKER = re.compile(
+    r"(?:file |splats? )?(?:generated|created|exported|written|saved|made|produced)\b", re.IGNORECASE
+)
+
+
 def is_antialiased(comments: Iterable[str]) -> bool:
     """Tell whether a scene was trained with antialiasing: the last comment that speaks of it decides."""
     antialiased = False
@@ -78,6 +83,12 @@ def comment_lines(gaussians: Gaussians) -> list[bytes]:
     if gaussians.up and not as_said:
         lines.append(f"comment Vertical Axis: {_called(gaussians.up)}".encode())
     return lines
+
+
+def matters(line: bytes) -> bool:
+    """Tell whether a comment says something that `Gaussians` does not, other than who wrote the file."""
+    text = line.decode("ascii", "backslashreplace").partition(" ")[2].strip()
+    return bool(text) and not (_of_training(text) or up_of(text) or _MAKER.match(text))
 
 
 def _of_training(comment: str) -> bool:

@@ -86,9 +86,16 @@ def _columns(file: BinaryIO, path: Path, header: Header, vertex: Element, used: 
             columns[prop.name][done : done + len(rows)] = rows[prop.name]
         done += len(rows)
     if set(NORMALS) <= set(columns.dtype.names or ()) and not any(columns[name].any() for name in NORMALS):
-        kept = [name for name in columns.dtype.names or () if name not in NORMALS]
-        columns = np.array(columns[kept].tolist(), [(name, columns.dtype[name]) for name in kept])
+        return _without(columns, NORMALS)
     return columns
+
+
+def _without(columns: Array, names: Collection[str]) -> Array:
+    left = [name for name in columns.dtype.names or () if name not in names]
+    copy = np.empty(len(columns), [(name, columns.dtype[name]) for name in left])
+    for name in left:
+        copy[name] = columns[name]
+    return copy
 
 
 def _rows(file: BinaryIO, path: Path, header: Header, element: Element) -> Iterator[Array]:

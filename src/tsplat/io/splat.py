@@ -17,7 +17,7 @@ import numpy.typing as npt
 from tsplat.errors import CorruptFileError
 from tsplat.io.arrays import F32, Arrays, chunks
 from tsplat.io.finish import finish
-from tsplat.io.losses import SHARE, counted
+from tsplat.io.losses import colors_cut
 from tsplat.io.options import LoadOptions
 from tsplat.io.threads import on_threads
 from tsplat.scene import SH_C0, Gaussians
@@ -33,10 +33,6 @@ QUAT_STEPS = np.float32(128.0)
 OPACITIES = np.arange(256, dtype=np.float32) / np.float32(255.0)
 COLORS = (OPACITIES - np.float32(0.5)) / np.float32(SH_C0)
 """What a byte stands for."""
-
-
-CUT = 0.02
-"""A colour may lie so far outside of what a byte holds: nobody sees it."""
 
 
 def matches(head: bytes) -> bool:  # noqa: ARG001
@@ -93,9 +89,7 @@ def write(file: BinaryIO, gaussians: Gaussians) -> list[str]:
         records["rgba"][:, 3] = _bytes(gaussians.opacities[part] * 255.0)
         records["quats"] = _bytes((gaussians.quats[part] + 1.0) * QUAT_STEPS)
         file.write(records.tobytes())
-    shown = 0.5 + SH_C0 * gaussians.sh[:, 0]
-    beyond = ((shown < -CUT) | (shown > 1.0 + CUT)).any(axis=1)
-    return counted(beyond, "have colours outside of 0 to 1, and were cut to that", SHARE)
+    return colors_cut(gaussians, slice(1), 0.5 / SH_C0, "colours outside of 0 to 1")
 
 
 def decode_rgba(rgba: U8, out: Arrays) -> None:

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from tsplat.errors import SaveError
 from tsplat.framing import Bulk, bulk
 from tsplat.importance import area
-from tsplat.io.losses import SHARE, brought_nearer, counted, sigmas_cut, too_far
+from tsplat.io.losses import brought_nearer, colors_cut, counted, sigmas_cut, too_far
 from tsplat.io.spz_decode import (
     COLOUR_SCALE,
     MEANS_SIGNS,
@@ -73,9 +73,7 @@ def write_spz(file: BinaryIO, gaussians: Gaussians) -> list[str]:
     box = bulk(gaussians)
     bits = chosen_bits(float(np.abs(gaussians.means).max(initial=0)), box)
     losses = sigmas_cut(gaussians, box, float(SCALES[0]), float(SCALES[-1]))
-    losses += counted(
-        (np.abs(gaussians.sh[:, 1:]) > 1.0).any(axis=(1, 2)), "have harmonics beyond 1, cut to that", SHARE
-    )
+    losses += colors_cut(gaussians, slice(1, SH_COEFFICIENTS[SH_DEGREE_MAX]), 1.0, "harmonics beyond 1")
     limit = np.full(3, ((1 << 23) - 1) / 2.0**bits)
     far = too_far(gaussians, -limit, limit)
     if far.any():
