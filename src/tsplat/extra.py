@@ -76,7 +76,7 @@ class Extra:
 
     def of_others(self, count: int, why: str) -> Extra:
         """Return it for ``count`` splats that are not those of the file: without what is about these."""
-        lost = (f"{described(self.names, 'column')} left behind: {why}",) if self.names else ()
+        lost = (f"{described(self.names, 'column')} left out: {why}",) if self.names else ()
         without = replace(self, columns=np.zeros(count, []), lost=(*self.lost, *lost))
         return without._without_tables_of_splats()
 
@@ -100,9 +100,7 @@ class Extra:
         dropped = [table.name for table in self.tables if table.about_splats]
         if not dropped:
             return self
-        text = (
-            f"{described(dropped, 'element')} left behind: they count splats that are no longer those of the file"
-        )
+        text = f"{described(dropped, 'element')} left out: they count splats that are no longer those of the file"
         kept = tuple(table for table in self.tables if not table.about_splats)
         return replace(self, tables=kept, lost=(*self.lost, text))
 
@@ -118,18 +116,17 @@ def joined(extras: Sequence[Extra | None], counts: Sequence[int]) -> Extra | Non
     else:
         columns = np.zeros(sum(counts), [])
         if names := dict.fromkeys(name for extra in known for name in extra.names):
-            lost.append(f"{described(list(names), 'column')} left behind: not all joined scenes have them alike")
+            lost.append(f"{described(list(names), 'column')} left out: not all joined scenes have them alike")
     comments = dict.fromkeys(line for extra in known for line in extra.comments)
     tables = {table.name: table for extra in known for table in extra.tables if not table.about_splats}
-    others = [table.name for extra in known for table in extra.tables if tables.get(table.name) is not table]
+    others = [table.name for extra in known for table in extra.tables if tables.get(table.name) != table]
     if others:
-        lost.append(f"{described(others, 'element')} left behind: they are of one of the joined scenes")
+        lost.append(f"{described(others, 'element')} left out: not all joined scenes have them alike")
     return Extra(columns, tuple(comments), tuple(tables.values()), tuple(lost))
 
 
 def described(names: Sequence[str], kind: str) -> str:
-    """Return names as the beginning of a sentence, at most a few: 'columns a, b and 3 more were'."""
+    """Return names in words, at most a few: 'columns a, b, c, d and 3 more'."""
     shown = [ascii(name)[1:-1][:30] for name in names[:4]]
     more = f" and {len(names) - 4} more" if len(names) > 4 else ""
-    several = len(names) > 1
-    return f"{kind}{'s' if several else ''} {', '.join(shown)}{more} {'were' if several else 'was'}"
+    return f"{kind}{'s' if len(names) > 1 else ''} {', '.join(shown)}{more}"

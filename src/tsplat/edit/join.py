@@ -11,7 +11,7 @@ import numpy as np
 from tsplat.edit.harmonics import with_sh_degree
 from tsplat.errors import LoadWarning
 from tsplat.extra import joined as joined_extra
-from tsplat.origin import placed, world_means
+from tsplat.origin import find_origin, placed, world_means
 from tsplat.scene import Gaussians, Vector
 
 
@@ -32,7 +32,8 @@ def join(scenes: Sequence[Gaussians]) -> Gaussians:
     Warns
     -----
     LoadWarning
-        Some are antialiased and some are not: no way to draw them suits all. Or some have another side up.
+        Some are antialiased and some are not: no way to draw them suits all. Or some have another side up, or
+        lie so far from the others that float32 does not hold both.
     """
     if len(scenes) == 1:
         return scenes[0]
@@ -47,7 +48,20 @@ def join(scenes: Sequence[Gaussians]) -> Gaussians:
     joined = replace(joined, extra=joined_extra([scene.extra for scene in scenes], [*map(len, scenes)]))
     if all(scene.origin is None for scene in scenes):
         return joined
-    return placed(joined, np.concatenate([world_means(scene) for scene in scenes]))
+    joined = placed(joined, np.concatenate([world_means(scene) for scene in scenes]))
+    _warn_far(scenes, joined.origin)
+    return joined
+
+
+def _warn_far(scenes: Sequence[Gaussians], origin: Vector | None) -> None:
+    for number, scene in enumerate(scenes, 1):
+        means = world_means(scene) - (origin or 0.0)
+        if find_origin(means):
+            steps = float(np.spacing(np.float32(np.abs(means).max())))
+            problem = (
+                f"scene {number} of {len(scenes)} lies so far from the others that its splats are placed in steps"
+            )
+            warnings.warn(f"{problem} of {steps:.3g}; --translate it before", LoadWarning, stacklevel=3)
 
 
 def _common_up(scenes: Sequence[Gaussians]) -> Vector | None:

@@ -7,6 +7,7 @@ the eye is, they look as before.
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Collection, Sequence
 from dataclasses import replace
@@ -28,6 +29,9 @@ Mask = npt.NDArray[np.bool_]
 
 FINE = 1 / 2048
 """Radii of the bulk by which a sigma may change: a tenth of a pixel where the bulk fills a picture of 480 rows."""
+
+FEW = 0.01
+"""Of all splats: so few that are too large for a file are no reason to make everything smaller."""
 
 SHOWN = 0.01
 """Root of the mean square by which colours may change, from 0 to 1: 40 dB."""
@@ -75,6 +79,8 @@ def colors_cut(gaussians: Gaussians, which: slice, limit: float, what: str) -> l
     sh = gaussians.sh[:, which]
     rows = np.flatnonzero((np.abs(sh) > limit).any(axis=(1, 2)))
     weights = importance(gaussians.scales, gaussians.opacities).astype(np.float64)
+    if len(weights):
+        weights = np.minimum(weights, np.quantile(weights, 0.95))  # a backdrop is a few huge splats
     # The harmonics are orthonormal: the mean square over the sphere is the sum of squares over its area.
     excess = np.maximum(np.abs(sh[rows].astype(np.float64)) - limit, 0.0)
     squares = np.minimum(np.square(excess).sum(axis=(1, 2)) / (3.0 * 4.0 * np.pi), 1.0)
@@ -88,17 +94,16 @@ def sigmas_cut(gaussians: Gaussians, box: Bulk, least: float, most: float) -> li
 
     Thin splats may become a little thicker, as long as that is nothing beside the bulk.
     """
-    # Of the longest that such a splat may have, as a needle has two that are short.
     changes = np.abs(np.clip(gaussians.scales, least, most) - gaussians.scales.astype(np.float64)).max(axis=1)
     wrong = changes > FINE * box.radius
-    problem = f"have a sigma outside of {least:.3g} to {most:.3g}, and were cut to that"
     longest = float(gaussians.scales[wrong].max(initial=0.0))
-    factor = (
-        10.0 ** np.floor(np.log10(most / longest))
-        if longest > most
-        else 10.0 ** np.ceil(np.log10(least / FINE / box.radius))
-    )
-    return counted(wrong, f"{problem}; --scale {factor:g} before it, or another format, keeps them")
+    if longest > most and wrong.mean() < FEW:
+        remedy = f"--max-scale {most:.6g} removes them"
+    elif longest > most:
+        remedy = f"--scale {10.0 ** math.floor(math.log10(most / longest)):g} keeps them"
+    else:
+        remedy = f"--scale {10.0 ** math.ceil(math.log10(least / FINE / box.radius)):g} keeps them"
+    return counted(wrong, f"have a sigma outside of {least:.3g} to {most:.3g}, and were cut to that; {remedy}")
 
 
 def too_far(gaussians: Gaussians, low: F64, high: F64) -> Mask:
@@ -159,5 +164,5 @@ def _left_behind(extra: Extra | None, comments: bool) -> list[str]:
     left = [described(extra.names, "column")] if extra.names else []
     left += [described([table.name for table in extra.tables], "element")] if extra.tables else []
     count = 0 if comments else sum(map(matters, extra.comments))
-    left += [f"{count} {'lines of comments were' if count > 1 else 'comment was'}"] if count else []
-    return [*extra.lost, *([f"{', '.join(left)} left behind; .ply keeps them"] if left else [])]
+    left += [f"{count} comment{'s' if count > 1 else ''}"] if count else []
+    return [*extra.lost, *([f"{', '.join(left)} left out; .ply keeps them"] if left else [])]

@@ -72,14 +72,14 @@ def write_spz(file: BinaryIO, gaussians: Gaussians) -> list[str]:
     """
     box = bulk(gaussians)
     bits = chosen_bits(float(np.abs(gaussians.means).max(initial=0)), box)
-    losses = sigmas_cut(gaussians, box, float(SCALES[0]), float(SCALES[-1]))
-    losses += colors_cut(gaussians, slice(1, SH_COEFFICIENTS[SH_DEGREE_MAX]), 1.0, "harmonics beyond 1")
+    losses = colors_cut(gaussians, slice(1, SH_COEFFICIENTS[SH_DEGREE_MAX]), 1.0, "harmonics beyond 1")
     limit = np.full(3, ((1 << 23) - 1) / 2.0**bits)
     far = too_far(gaussians, -limit, limit)
     if far.any():
         problem = "are brought nearer, and made smaller by as much: farther than"
         losses += counted(far, f"{problem} {limit[0]:.6g} from the origin, the bulk would lose detail")
         gaussians = brought_nearer(gaussians, box, -limit, limit)
+    losses += sigmas_cut(gaussians, box, float(SCALES[0]), float(SCALES[-1]))
     # No name and no time: the same scene makes the same bytes.
     with gzip.GzipFile("", "wb", GZIP_LEVEL, file, mtime=0) as stream:
         degree, flags = min(gaussians.sh_degree, SH_DEGREE_MAX), ANTIALIASED if gaussians.antialiased else 0
@@ -107,7 +107,10 @@ def chosen_bits(reach: float, box: Bulk) -> int:
         bits = fractional_bits(reach)
     except SaveError:
         bits = 0
-    return bits if bits >= needed else min(fractional_bits(inside), needed + SPARE_BITS)
+    if bits >= needed:
+        return bits
+    # Such that what is brought nearer takes the same bits when it is saved again.
+    return min(fractional_bits(inside), FRACTIONAL_BITS if needed <= FRACTIONAL_BITS else needed + SPARE_BITS)
 
 
 def fractional_bits(reach: float) -> int:
