@@ -121,7 +121,9 @@ def joined(extras: Sequence[Extra | None], counts: Sequence[int]) -> Extra | Non
     tables = {table.name: table for extra in known for table in extra.tables if not table.about_splats}
     others = [table.name for extra in known for table in extra.tables if tables.get(table.name) != table]
     if others:
-        lost.append(f"{described(others, 'element')} left out: not all joined scenes have them alike")
+        lost.append(
+            f"{described([*dict.fromkeys(others)], 'element')} left out: not all joined scenes have them alike"
+        )
     return Extra(columns, tuple(comments), tuple(tables.values()), tuple(lost))
 
 

@@ -149,7 +149,8 @@ def _rows_with_lists(file: BinaryIO, path: Path, header: Header, element: Elemen
         if not 0 <= count * (kind.itemsize if header.byte_order else 2) <= size - file.tell() + MAX_LINE:
             raise _ended(path, element, row, file)
         if header.byte_order:
-            values = np.frombuffer(file.read(count * kind.itemsize), kind)
+            raw = file.read(count * kind.itemsize)
+            values = np.frombuffer(raw[: len(raw) // kind.itemsize * kind.itemsize], kind)
         else:
             values = np.array([_number(word) for _, word in zip(range(count), words, strict=False)]).astype(kind)
         if len(values) < count:
