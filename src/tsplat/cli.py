@@ -22,7 +22,7 @@ from tsplat.convert.command import convert
 from tsplat.doctor.command import doctor
 from tsplat.drawing import draw_all, framed_by
 from tsplat.encode import ENCODERS, FALLBACK_CELL, PICTURES
-from tsplat.errors import LoadWarning, OptionError, TsplatError
+from tsplat.errors import LoadWarning, OptionError, SaveWarning, TsplatError
 from tsplat.info.command import info
 from tsplat.optimize.command import optimize
 from tsplat.options import READING, open_scene, reading, render_options, shared, was_said
@@ -43,7 +43,8 @@ PRINTED_COLUMNS, ROWS_PER_COLUMN = 80, 0.3
 def main(args: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit status: 0, 2 after an error, 130 after Ctrl-C."""
     with warnings.catch_warnings():
-        warnings.simplefilter("always", LoadWarning)
+        for kind in (LoadWarning, SaveWarning):
+            warnings.simplefilter("always", kind)
         warnings.showwarning = _show_warning
         try:
             return command.main(args, prog_name="tsplat", standalone_mode=False) or 0
@@ -181,8 +182,11 @@ def _camera(
     """Return the camera asked for; what was not said comes from the start view."""
     from tsplat.camera import Camera
     from tsplat.framing import start_pose
+    from tsplat.origin import in_scene
 
-    start = start_pose(framed_by(gaussians), aspect=width / height, fov_y=fov_y, up=up)
+    frame = framed_by(gaussians)
+    start = start_pose(frame, aspect=width / height, fov_y=fov_y, up=up)
+    eye, target = (None if point is None else tuple(in_scene(frame, point)) for point in (eye, target))
     target = target or (None if eye is None else tuple(start.target))
     if target is None:
         return start.camera(width, height, fov_y)

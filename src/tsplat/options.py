@@ -12,10 +12,12 @@ import rich_click as click
 from click.core import ParameterSource
 
 from tsplat.arguments import BACKGROUND, LEVEL, UP, scene_source
+from tsplat.drawing import framed_by
 from tsplat.errors import LoadWarning
 from tsplat.files import tidy_end
+from tsplat.framing import bulk
 from tsplat.progress import loading
-from tsplat.rendering import ANTIALIAS, TRAIN_FOCAL_GUESS, Antialias, RenderOptions
+from tsplat.rendering import ANTIALIAS, NEAR_PLANE, TRAIN_FOCAL_GUESS, Antialias, RenderOptions
 from tsplat.warmup import WarmUp
 
 if TYPE_CHECKING:
@@ -53,6 +55,8 @@ def shared(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
         "lod": click.option("--lod", type=LEVEL, default="0", metavar="N|all",
                             help="Level of detail of a streamed scene, 0 the finest, or all of them. "
                             "[view: all, one at a time; else 0]"),
+        "strict": click.option("--strict", is_flag=True,
+                               help="Write nothing where something would be lost that is beyond the format."),
         "fov-y": click.option("--fov-y", type=click.FloatRange(0, 180, True, True), default=FOV_Y,
                               show_default=True, metavar="DEGREES", help="Vertical field of view."),
         "train-focal": click.option("--train-focal", type=click.FloatRange(0, min_open=True), metavar="PIXELS",
@@ -139,6 +143,14 @@ def loaded_scene(
         yield load(path, **how, progress=progress), path
 
 
+def near_plane(gaussians: Gaussians) -> float:
+    """Return where drawing starts in front of the eye, in world units: nearer than usual in a scene that is small.
+
+    The eye may come as near to a scene of millimetres, for its size, as to any other.
+    """
+    return NEAR_PLANE * min(1.0, bulk(gaussians).radius)
+
+
 def render_options(
     scene: str, gaussians: Gaussians | Stored, options: dict[str, Any], otherwise: Antialias = "relative"
 ) -> RenderOptions:
@@ -154,8 +166,9 @@ def render_options(
     if antialias in (None, "relative"):
         from tsplat.io import training_beside
 
-        known, views = training_beside(scene_source(scene))
+        known, views = training_beside(scene_source(scene), framed_by(gaussians).origin)
         focal = focal or known
+    options["near_plane"] = near_plane(framed_by(gaussians))
     options["antialias"] = antialias or ("relative" if focal else otherwise)
     options["train_focal"] = focal or TRAIN_FOCAL_GUESS
     return RenderOptions(depths=False, train_views=views, **options)

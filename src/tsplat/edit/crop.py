@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tsplat.errors import OptionError
+from tsplat.origin import in_scene
 from tsplat.scene import Gaussians
 
 
@@ -25,7 +26,7 @@ def crop_box(gaussians: Gaussians, corner: Sequence[float], opposite: Sequence[f
     Gaussians
         In the same order.
     """
-    low, high = np.minimum(corner, opposite), np.maximum(corner, opposite)
+    low, high = (in_scene(gaussians, ends(corner, opposite)) for ends in (np.minimum, np.maximum))
     inside = (gaussians.means >= low) & (gaussians.means <= high)
     return gaussians.take(np.flatnonzero(inside.all(axis=1)))
 
@@ -54,5 +55,5 @@ def crop_sphere(gaussians: Gaussians, center: Sequence[float], radius: float) ->
     """
     if not radius >= 0.0:
         raise OptionError(f"the radius of a sphere must be 0 or more, got {radius}")
-    distances = np.linalg.norm(gaussians.means - np.asarray(center, np.float64), axis=1)
+    distances = np.linalg.norm(gaussians.means - in_scene(gaussians, center), axis=1)
     return gaussians.take(np.flatnonzero(distances <= radius))

@@ -14,8 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from tsplat.errors import OptionError
+from tsplat.origin import placed, world_means
 from tsplat.rotations import quat_products, rotations_of
-from tsplat.scene import Gaussians
+from tsplat.scene import Gaussians, Vector
 from tsplat.sh_rotation import rotate_sh
 
 F64 = npt.NDArray[np.float64]
@@ -41,16 +42,18 @@ def rotate(gaussians: Gaussians, degrees: Sequence[float]) -> Gaussians:
     rotation = rotations_of(quat[None])[0]
     quats = quat_products(quat, gaussians.quats)
     return replace(
-        gaussians,
-        means=(gaussians.means @ rotation.T).astype(np.float32),
+        placed(gaussians, world_means(gaussians) @ rotation.T),
         quats=(quats / np.linalg.norm(quats, axis=1, keepdims=True)).astype(np.float32),
         sh=rotate_sh(gaussians.sh, rotation),
+        up=_turned(gaussians.up, rotation),
+        extra=gaussians.extra and gaussians.extra.turned(rotation),
     )
 
 
 def translate(gaussians: Gaussians, offset: Sequence[float]) -> Gaussians:
     """Shift a scene by three world units along x, y and z."""
-    return replace(gaussians, means=gaussians.means + np.asarray(offset, np.float64))
+    moved = placed(gaussians, world_means(gaussians) + np.asarray(offset, np.float64))
+    return replace(moved, extra=gaussians.extra and gaussians.extra.moved())
 
 
 def scale(gaussians: Gaussians, factor: float) -> Gaussians:
@@ -63,7 +66,20 @@ def scale(gaussians: Gaussians, factor: float) -> Gaussians:
     """
     if not factor > 0.0:
         raise OptionError(f"the factor of a scale must be above 0, got {factor}")
-    return replace(gaussians, means=gaussians.means * factor, scales=gaussians.scales * factor)
+    return replace(
+        placed(gaussians, world_means(gaussians) * factor),
+        scales=gaussians.scales * factor,
+        extra=gaussians.extra and gaussians.extra.moved(),
+    )
+
+
+def _turned(up: Vector | None, rotation: F64) -> Vector | None:
+    if up is None:
+        return None
+    # Quarter turns leave an axis an axis.
+    turned = np.round(rotation @ up, 12)
+    x, y, z = (float(value) + 0.0 for value in turned / np.linalg.norm(turned))
+    return x, y, z
 
 
 def euler_quat(degrees: Sequence[float]) -> F64:

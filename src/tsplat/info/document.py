@@ -68,6 +68,8 @@ def document(
         "splats": len(gaussians),
         "sh_degree": gaussians.sh_degree,
         "antialiased": gaussians.antialiased,
+        "up": list(gaussians.up) if gaussians.up else None,
+        "origin": list(gaussians.origin) if gaussians.origin else None,
         "memory_bytes": gaussians.nbytes,
         "box": _box(gaussians.means) if len(gaussians) else None,
         "bulk": {

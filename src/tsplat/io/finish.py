@@ -13,10 +13,12 @@ import numpy as np
 import numpy.typing as npt
 
 from tsplat.errors import LoadError, LoadWarning
+from tsplat.extra import Extra
 from tsplat.importance import importance, most_important
 from tsplat.io.arrays import Arrays, chunks
 from tsplat.io.threads import on_threads
-from tsplat.scene import Gaussians
+from tsplat.origin import find_origin, take_off
+from tsplat.scene import Gaussians, Vector
 
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
@@ -37,6 +39,9 @@ def finish(
     good: Mask | None = None,
     max_splats: int | None,
     antialiased: bool = False,
+    up: Vector | None = None,
+    origin: Vector | None = None,
+    extra: Extra | None = None,
 ) -> Gaussians:
     """Return the scene of a file.
 
@@ -50,8 +55,10 @@ def finish(
         As from `mend`, where the reader knows or has mended the splats; else all are mended here.
     max_splats : int or None
         Keep at most this many, those with the largest opacity times area.
-    antialiased : bool
+    antialiased, up, extra
         As in `Gaussians`.
+    origin : tuple of 3 floats, optional
+        As in `Gaussians`, where the reader has taken one off; else it is looked for here.
 
     Raises
     ------
@@ -76,7 +83,12 @@ def finish(
     if max_splats is not None and max_splats < kept:
         good = most_important(scores(arrays, good), max_splats)
     means, quats, scales, opacities, sh = (keep(array, good) for array in arrays)
-    return Gaussians.of_finite(means, quats, scales, opacities, sh, antialiased)
+    if origin is None and (origin := find_origin(means)):
+        take_off(means, origin)
+    about = {"antialiased": antialiased, "up": up, "origin": origin, "extra": extra}
+    if extra and not good.all():
+        about["extra"] = extra.take(np.flatnonzero(good))
+    return Gaussians.of_finite(means, quats, scales, opacities, sh, **about)
 
 
 def warn_dropped(path: Path, dropped: int, count: int, stacklevel: int) -> None:

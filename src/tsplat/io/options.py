@@ -28,6 +28,9 @@ class LoadOptions:
     raw_scales : bool
         A PLY or .npz holds scales in world units where others hold their logarithms.
 
+    extra : bool
+        Keep what else a PLY holds: columns and elements of its own, comments.
+
     Raises
     ------
     OptionError
@@ -39,6 +42,7 @@ class LoadOptions:
     spz_frame: SpzFrame = "rub"
     lod: int | None = 0
     raw_scales: bool = False
+    extra: bool = False
 
     def __post_init__(self) -> None:
         if self.max_splats is not None and self.max_splats < 1:

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tsplat.errors import CorruptFileError
-from tsplat.io.tsplat_header import MAGIC, MOST_SECTIONS, Header, header_bytes, parse
+from tsplat.io.tsplat_header import MAGIC, MOST_SECTIONS, OPTIONAL, Header, header_bytes, parse
 
 Array = npt.NDArray[Any]
 
@@ -101,8 +101,8 @@ def open_mapped(path: Path) -> Mapped:
         header = parse(path, file.read(header_bytes(MOST_SECTIONS)), size)
         memory = _mapped(path, file, size)
     raw, arrays = np.frombuffer(memory, np.uint8), {}
-    for name, (dtype, _) in header.counts.arrays.items():
-        section = header.sections[name]
+    for name, section in header.sections.items():
+        dtype, _ = (header.counts.arrays | OPTIONAL)[name]
         part = raw[section.offset : section.offset + section.nbytes]
         arrays[name] = part.view(np.dtype(dtype).newbyteorder("="))
     return Mapped(path, header, arrays, memory)
