@@ -122,6 +122,12 @@ class Camera:
         """Vertical field of view in degrees."""
         return math.degrees(2.0 * math.atan(0.5 * self.height / float(self.K[1, 1])))
 
+    def shifted(self, origin: Point) -> Camera:
+        """Return the same view in coordinates that are counted from ``origin``; see `Gaussians.origin`."""
+        viewmat = self.viewmat.copy()
+        viewmat[:3, 3] += viewmat[:3, :3] @ np.asarray(origin, np.float64)
+        return Camera(viewmat, self.K, self.width, self.height)
+
     def resized(self, width: int, height: int) -> Camera:
         """Return the same view sampled at another size; the field of view stretches with the sides."""
         width, height = _side("width", width), _side("height", height)

@@ -21,7 +21,7 @@ from tsplat.convert.command import convert
 from tsplat.doctor.command import doctor
 from tsplat.drawing import draw_all, framed_by
 from tsplat.encode import ENCODERS, FALLBACK_CELL, PICTURES
-from tsplat.errors import LoadWarning, OptionError, TsplatError, printable
+from tsplat.errors import LoadWarning, OptionError, SaveWarning, TsplatError, printable
 from tsplat.files import tidy_end
 from tsplat.info.command import info
 from tsplat.optimize.command import optimize
@@ -46,7 +46,8 @@ def main(args: Sequence[str] | None = None) -> int:
     numerals.drop_wrong_sizes(os.environ)
     click.rich_click.WIDTH = click.rich_click.MAX_WIDTH = None  # TERMINAL_WIDTH, as it was when this was imported
     with tidy_end(), standard_streams(), warnings.catch_warnings():
-        warnings.simplefilter("always", LoadWarning)
+        for kind in (LoadWarning, SaveWarning):
+            warnings.simplefilter("always", kind)
         warnings.showwarning = _show_warning
         try:
             status = command.main(args, prog_name="tsplat", standalone_mode=False) or 0
@@ -190,8 +191,11 @@ def _camera(
     """Return the camera asked for; what was not said comes from the start view."""
     from tsplat.camera import Camera
     from tsplat.framing import start_pose
+    from tsplat.origin import in_scene
 
-    start = start_pose(framed_by(gaussians), aspect=width / height, fov_y=fov_y, up=up)
+    frame = framed_by(gaussians)
+    start = start_pose(frame, aspect=width / height, fov_y=fov_y, up=up)
+    eye, target = (None if point is None else tuple(in_scene(frame, point)) for point in (eye, target))
     target = target or (None if eye is None else tuple(start.target))
     if target is None:
         return start.camera(width, height, fov_y)

@@ -9,7 +9,8 @@
   * SaveError (OSError)        a picture or a scene that could not be written
   * TerminalError (OSError)    no terminal to draw on, or it went away
 
-`LoadWarning` is the one warning: something in a file was dropped or mended.
+`LoadWarning` says that something in a file was dropped or mended, `SaveWarning` that a file lacks something of the
+scene it was written from.
 """
 
 from __future__ import annotations
@@ -97,6 +98,10 @@ class LoadWarning(UserWarning):
 
     def __init__(self, text: str) -> None:
         super().__init__(printable(_called(text)))
+
+
+class SaveWarning(UserWarning):
+    """A file lacks something of the scene that was saved; the text says what and how much."""
 
 
 class TsplatError(Exception):

@@ -29,6 +29,9 @@ REACH = 2.5
 edges lie at 2, 1.4 and 1.3, and far inside the backdrop of an outdoor capture. At 2.2, a rod of a few
 hundred splats loses its ends one after the other."""
 
+RESOLVED = 1e-6
+"""Of the distance from the origin: what lies in less room than that is one point to float32."""
+
 TAIL = 0.01
 """Share of the weight left out at either end of an axis."""
 
@@ -148,7 +151,7 @@ def start_pose(gaussians: Gaussians, *, aspect: float, fov_y: float, up: Sequenc
     fov_y : float
         Vertical field of view in degrees, between 0 and 180.
     up : sequence of 3 floats, optional
-        Direction that is up; by default `guess_up` decides.
+        Direction that is up; by default what the file says, else `guess_up` decides.
 
     Returns
     -------
@@ -165,6 +168,8 @@ def start_pose(gaussians: Gaussians, *, aspect: float, fov_y: float, up: Sequenc
     half_y = 0.5 / float(intrinsics(1, 1, fov_y)[1, 1])
     inner = _inner(_sample(gaussians))
     box = _bounds(inner)
+    if up is None:
+        up = gaussians.up
     if up is None:
         up = _guess_up(gaussians, box) if len(gaussians) else UP_DEFAULT
     # The front of y-up scenes faces +z, that of the others the opposite side.
@@ -231,7 +236,8 @@ def _bounds(inner: _Sample) -> Bulk:
     radius = _quantile(np.linalg.norm(inner.means - center, axis=1), inner.weights, 1.0 - TAIL)
     # One splat, or many in one place, are as large as they are drawn.
     size = 3.0 * _quantile(inner.sizes, inner.weights, 0.5)
-    return Bulk(center, max(radius, size, 1e-4 * (1.0 + float(np.linalg.norm(center)))), low, high)
+    resolved = RESOLVED * float(np.linalg.norm(center))
+    return Bulk(center, max(radius, size, resolved) or 1e-4, low, high)
 
 
 def _flat_surface(gaussians: Gaussians) -> tuple[F64, F64, F64]:

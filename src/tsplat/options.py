@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,8 +12,11 @@ import rich_click as click
 from click.core import ParameterSource
 
 from tsplat.arguments import BACKGROUND, LEVEL, UP, Gigabytes, Number, Whole, scene_source
+from tsplat.drawing import framed_by
+from tsplat.errors import LoadWarning
+from tsplat.framing import bulk
 from tsplat.progress import loading
-from tsplat.rendering import ANTIALIAS, TRAIN_FOCAL_GUESS, Antialias, RenderOptions
+from tsplat.rendering import ANTIALIAS, NEAR_PLANE, TRAIN_FOCAL_GUESS, Antialias, RenderOptions
 from tsplat.warmup import WarmUp
 
 if TYPE_CHECKING:
@@ -26,7 +30,7 @@ ANTIALIAS_HELP = (
 )
 FOV_Y = 55.0
 
-READING = ("max-splats", "raw-opacity", "spz-frame", "lod")
+READING = ("max-splats", "raw-opacity", "raw-scales", "spz-frame", "lod")
 """The options that say how a scene is read."""
 
 
@@ -45,12 +49,16 @@ def shared(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
                                    help="Keep the N splats with the largest opacity times area. [all]"),
         "raw-opacity": click.option("--raw-opacity", is_flag=True,
                                     help="The file holds opacities from 0 to 1, not their logits."),
+        "raw-scales": click.option("--raw-scales", is_flag=True,
+                                   help="The file holds scales in world units, not their logarithms."),
         "spz-frame": click.option("--spz-frame", type=click.Choice(["rub", "rdf"]), default="rub",
                                   help="Axes of an SPZ: right, up, back as specified; rdf where its writer kept "
                                   "those of a PLY, and the scene is upside down. [rub]"),
         "lod": click.option("--lod", type=LEVEL, default="0", metavar="N|all",
                             help="Level of detail of a streamed scene, 0 the finest, or all of them. "
                             "[view: all, one at a time; else 0]"),
+        "strict": click.option("--strict", is_flag=True,
+                               help="Write nothing where something would be lost that is beyond the format."),
         "fov-y": click.option("--fov-y", type=Number(0.001, 179.999), default=FOV_Y,
                               show_default=True, metavar="DEGREES", help="Vertical field of view."),
         "train-focal": click.option("--train-focal", type=Number(0.001, 1_000_000), metavar="PIXELS",
@@ -75,7 +83,9 @@ def reading(options: dict[str, Any]) -> dict[str, Any]:
 
 def load_scene(scene: str, how: dict[str, Any], warm_up: WarmUp | None = None) -> Gaussians:
     """Return the scene a person named, with a bar on stderr when that takes long; see `reading`."""
-    with loaded_scene(scene, how, warm_up) as (gaussians, _):
+    with loaded_scene(scene, how, warm_up) as (gaussians, path):
+        if not len(gaussians):
+            warnings.warn(f"{path}: holds no splats; choose another file", LoadWarning, stacklevel=2)
         return gaussians
 
 
@@ -134,6 +144,14 @@ def loaded_scene(
         yield load(path, **how, progress=progress), path
 
 
+def near_plane(gaussians: Gaussians) -> float:
+    """Return where drawing starts in front of the eye, in world units: nearer than usual in a scene that is small.
+
+    The eye may come as near to a scene of millimetres, for its size, as to any other.
+    """
+    return NEAR_PLANE * min(1.0, bulk(gaussians).radius)
+
+
 def render_options(
     scene: str, gaussians: Gaussians | Stored, options: dict[str, Any], otherwise: Antialias = "relative"
 ) -> RenderOptions:
@@ -149,8 +167,9 @@ def render_options(
     if antialias in (None, "relative"):
         from tsplat.io import training_beside
 
-        known, views = training_beside(scene_source(scene))
+        known, views = training_beside(scene_source(scene), framed_by(gaussians).origin)
         focal = focal or known
+    options["near_plane"] = near_plane(framed_by(gaussians))
     options["antialias"] = antialias or ("relative" if focal else otherwise)
     options["train_focal"] = focal or TRAIN_FOCAL_GUESS
     return RenderOptions(depths=False, train_views=views, **options)

@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Self
+from dataclasses import dataclass, fields, replace
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from tsplat.errors import SceneError, shown
+from tsplat.extra import Extra
 
 F32 = npt.NDArray[np.float32]
+Vector = tuple[float, float, float]
 
 SH_COEFFICIENTS = (1, 4, 9, 16, 25)
 """How many spherical-harmonics coefficients a colour has at degree 0, 1, 2, 3 and 4."""
@@ -48,6 +50,13 @@ class Gaussians:
         ``max(0, 0.5 + sum(basis_k(direction) * sh[:, k]))``.
     antialiased : bool
         Trained with opacities compensated for the dilation, so to be drawn with ``mip`` (Yu et al. 2024).
+    up : tuple of 3 floats, optional
+        Unit vector: what is up, where the file said so.
+    origin : tuple of 3 floats, optional
+        Where (0, 0, 0) of ``means`` is in the world, in float64: scenes far from the world's origin for their size
+        would lose detail in float32. None is the world's own.
+    extra : Extra, optional
+        What else a PLY holds, where it was asked for, see `tsplat.io.load`.
 
     Raises
     ------
@@ -61,6 +70,9 @@ class Gaussians:
     opacities: F32
     sh: F32
     antialiased: bool = False
+    up: Vector | None = None
+    origin: Vector | None = None
+    extra: Extra | None = None
 
     def __post_init__(self) -> None:
         self._own_shaped()
@@ -69,17 +81,22 @@ class Gaussians:
         self._check_ranges()
 
     @classmethod
-    def of_finite(cls, means: F32, quats: F32, scales: F32, opacities: F32, sh: F32, antialiased: bool) -> Self:
+    def of_finite(cls, means: F32, quats: F32, scales: F32, opacities: F32, sh: F32, **about: Any) -> Self:
         """Return a scene of arrays in which nan and inf were looked for already; the rest is checked."""
         scene = object.__new__(cls)
-        values = means, quats, scales, opacities, sh, antialiased
-        for name, value in zip((*ARRAYS, "antialiased"), values, strict=True):
+        values = {each.name: each.default for each in fields(cls)}
+        values |= {"means": means, "quats": quats, "scales": scales, "opacities": opacities, "sh": sh} | about
+        for name, value in values.items():
             object.__setattr__(scene, name, value)
         scene._own_shaped()
         scene._check_ranges()
         return scene
 
     def _own_shaped(self) -> None:
+        for name in ("up", "origin"):
+            _check_vector(name, getattr(self, name))
+        if self.up is not None and not any(self.up):
+            raise SceneError("up must be a direction, got three zeros")
         for name in ARRAYS:
             object.__setattr__(self, name, _own(name, getattr(self, name)))
         if not isinstance(self.antialiased, (bool, np.bool_)):
@@ -94,13 +111,16 @@ class Gaussians:
             raise SceneError(f"sh must have shape [{n}, K, 3], K in {SH_COEFFICIENTS}, got {list(self.sh.shape)}")
         _check_shape("sh", self.sh, (n, self.sh.shape[1], 3))
 
+        if self.extra is not None:
+            _check_shape("extra.columns", self.extra.columns, (n,))
+
     def _check_ranges(self) -> None:
         _check_range("scales", self.scales, 0.0, math.inf)
         _check_range("opacities", self.opacities, 0.0, 1.0)
 
-    def __reduce__(self) -> tuple[type[Gaussians], tuple[F32 | bool, ...]]:
+    def __reduce__(self) -> tuple[type[Gaussians], tuple[Any, ...]]:
         # NumPy unpickles read-only arrays as writable; the constructor freezes them again.
-        return Gaussians, (*self.arrays, self.antialiased)
+        return Gaussians, tuple(getattr(self, each.name) for each in fields(self))
 
     def __len__(self) -> int:
         return len(self.means)
@@ -124,7 +144,8 @@ class Gaussians:
         """Return the chosen Gaussians, in the order of the indices."""
         chosen = _indices(source_from_kept, len(self))
         means, quats, scales, opacities, sh = (array[chosen] for array in self.arrays)
-        return Gaussians(means, quats, scales, opacities, sh, self.antialiased)
+        extra = self.extra and self.extra.take(chosen)
+        return replace(self, means=means, quats=quats, scales=scales, opacities=opacities, sh=sh, extra=extra)
 
 
 def a_scene(value: object) -> Gaussians:
@@ -164,9 +185,14 @@ def _own(name: str, array: npt.ArrayLike) -> F32:
     return owned
 
 
-def _check_shape(name: str, array: F32, shape: tuple[int, ...]) -> None:
+def _check_shape(name: str, array: npt.NDArray[Any], shape: tuple[int, ...]) -> None:
     if array.shape != shape:
         raise SceneError(f"{name} must have shape {list(shape)}, got {list(array.shape)}")
+
+
+def _check_vector(name: str, vector: Vector | None) -> None:
+    if vector is not None and not (len(vector) == 3 and all(map(math.isfinite, vector))):
+        raise SceneError(f"{name} must be three finite numbers or None, got {vector!r}")
 
 
 def _check_finite(name: str, array: F32) -> None:

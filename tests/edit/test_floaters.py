@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.edit.test_neighbours import by_all_pairs
 from tests.scenes import random_gaussians
+from tests.test_neighbours import by_all_pairs
 from tsplat.edit import join, remove_floaters
 from tsplat.edit.floaters import NEIGHBOURS
 from tsplat.scene import Gaussians

@@ -33,6 +33,9 @@ with atheris.instrument_imports(include=["tsplat.io", "PIL"]):
 
 TARGETS = {
     "ply": ("PLY", "PLY behind faces", "PLY, big-endian", "PLY, ASCII"),
+    "ply-kinds": ("PLY of points", "PLY of points, ASCII", "PLY of halves", "PLY, renamed and filtered"),
+    "colmap": ("COLMAP's points",),
+    "colmap-text": ("COLMAP's points as text",),
     "gzip": ("PLY in gzip",),
     "compressed-ply": ("compressed PLY", "compressed PLY, old"),
     "splat": ("splat",),

@@ -32,9 +32,9 @@ REAL = [
 ]
 
 
-def found_in(scene: Gaussians, *, raw_opacity: bool = False) -> list[Finding]:
+def found_in(scene: Gaussians, *, raw_opacity: bool = False, raw_scales: bool = False) -> list[Finding]:
     box = bulk(scene)
-    return findings(measure(scene, box), box.radius, raw_opacity=raw_opacity)
+    return findings(measure(scene, box), box.radius, raw_opacity=raw_opacity, raw_scales=raw_scales)
 
 
 def changed(change: Change, count: int = COUNT) -> Gaussians:
@@ -69,6 +69,24 @@ def bytes_of_those(arrays: dict[str, np.ndarray]) -> None:
     arrays["opacities"][:] = np.floor(255.0 * arrays["opacities"]) / 255.0
 
 
+def lengths_taken_for_logarithms(factor: float) -> Change:
+    """Make the scene so many times as large, then what its scales give when they are read as log scales."""
+
+    def change(arrays: dict[str, np.ndarray]) -> None:
+        arrays["means"] *= factor
+        arrays["scales"][:] = np.exp(factor * arrays["scales"])
+
+    return change
+
+
+def larger(factor: float) -> Change:
+    def change(arrays: dict[str, np.ndarray]) -> None:
+        arrays["means"] *= factor
+        arrays["scales"] *= factor
+
+    return change
+
+
 def test_nothing_is_wrong_with_random_splats() -> None:
     assert found_in(changed(lambda _: None)) == []
 
@@ -78,10 +96,13 @@ def test_nothing_is_wrong_with_random_splats() -> None:
     [
         ("flat", put("scales", (slice(7), 1), 0.0), 7),
         ("flat", put("scales", slice(3), (1e-9, 0.1, 0.1)), 3),
-        ("flat", put("scales", 0, 0.0), 1),
         ("huge", huge(0.5), 2),
         ("far", put("means", slice(4), 1e4), 4),
         ("transparent", put("opacities", slice(9), 0.003), 9),
+        ("raw_scales", lengths_taken_for_logarithms(1.0), COUNT),
+        ("raw_scales", lengths_taken_for_logarithms(0.001), COUNT),
+        ("raw_scales", lengths_taken_for_logarithms(8.0), COUNT),
+        ("reset_opacity", put("opacities", slice(None), 0.0199), COUNT),
         ("raw_opacity", logits_taken_for_opacities, COUNT),
         ("raw_opacity", bytes_of_those, COUNT),
         ("hard_opacity", put("opacities", slice(None), 1.0), COUNT),
@@ -102,21 +123,45 @@ def test_what_looks_wrong_is_found_and_counted(kind: str, change: Change, count:
         put("scales", slice(3), (1e-7, 0.1, 0.1)),
         huge(0.01),
         huge(0.5, 2.0),
+        put("opacities", slice(1, None), 0.019),
+        larger(1e5),
         put("means", slice(4), 10.0),
         put("opacities", slice(4), 0.0),
         put("sh", (slice(6), 0, 2), 4.0),
         put("sh", (slice(4), 0, 2), 40.0),
     ],
-    ids=["thin", "a faint giant", "a large one", "a little away", "few unseen", "bright", "few too bright"],
+    ids=[
+        "thin",
+        "a faint giant",
+        "a large one",
+        "all but one faint",
+        "large units",
+        "a little away",
+        "few unseen",
+        "bright",
+        "few too bright",
+    ],
 )
 def test_what_trained_scenes_may_have_is_no_finding(change: Change) -> None:
     assert found_in(changed(change)) == []
+
+
+@pytest.mark.parametrize(("flat", "kinds"), [(1, []), (2, ["flat"])])
+def test_one_flat_splat_in_two_thousand_is_not_worth_a_word(flat: int, kinds: list[str]) -> None:
+    found = found_in(changed(put("scales", (slice(flat), 1), 0.0), 2000))
+    assert [each.kind for each in found] == kinds
 
 
 def test_few_splats_may_all_have_the_same_opacity() -> None:
     for value in (0.6, 1.0, 0.0):
         kinds = [found.kind for found in found_in(changed(put("opacities", slice(None), value), 9))]
         assert kinds == (["transparent"] if value == 0.0 else [])
+
+
+def test_scales_read_as_they_are_raise_no_question_about_it() -> None:
+    linear = changed(lengths_taken_for_logarithms(1.0))
+    assert "try --raw-scales" in found_in(linear)[0].remedy
+    assert found_in(linear, raw_scales=True) == []
 
 
 def test_the_remedy_for_opacities_knows_with_what_the_file_was_read() -> None:

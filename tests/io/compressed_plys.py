@@ -7,7 +7,7 @@ import struct
 
 import numpy as np
 
-from tests.io.plys import Table
+from tests.io.plys import STRUCT_CODES, Table
 from tsplat.camera import Camera
 from tsplat.framing import start_pose
 from tsplat.scene import Gaussians
@@ -87,23 +87,40 @@ def check(gaussians: Gaussians, elements: list[Table]) -> None:
 
 
 def read_tables(raw: bytes) -> list[Table]:
-    """Return the elements of a little-endian file, a row at a time."""
+    """Return the elements of a little-endian file, a number at a time."""
     head, body = raw.split(b"end_header\n", 1)
     found: list[Table] = []
-    for line in head.decode("ascii").splitlines():
+    for line in head.decode("latin-1").splitlines():
         match line.split():
             case ["element", name, count]:
                 found.append(Table(name, [], [[]] * int(count)))
-            case ["property", scalar, name]:
-                found[-1].columns = [*found[-1].columns, (scalar, name)]
+            case ["property", *scalar, name]:
+                found[-1].columns = [*found[-1].columns, (" ".join(scalar), name)]
     at = 0
     for table in found:
-        form = "<" + "".join({"float": "f", "uint": "I", "uchar": "B"}[scalar] for scalar, _ in table.columns)
-        size = struct.calcsize(form)
-        table.rows = [list(struct.unpack_from(form, body, at + i * size)) for i in range(len(table.rows))]
-        at += len(table.rows) * size
+        forms = [[STRUCT_CODES[word] for word in scalar.split() if word != "list"] for scalar, _ in table.columns]
+        plain = "<" + "".join(form[0] for form in forms)
+        lists = any(len(form) > 1 for form in forms)
+        rows = []
+        for _ in table.rows:
+            row, at = _row(body, at, forms) if lists else (list(struct.unpack_from(plain, body, at)), at)
+            at += 0 if lists else struct.calcsize(plain)
+            rows.append(row)
+        table.rows = rows
     assert at == len(body)
     return found
+
+
+def _row(body: bytes, at: int, forms: list[list[str]]) -> tuple[list[object], int]:
+    row: list[object] = []
+    for length, *item in forms:
+        (value,) = struct.unpack_from("<" + length, body, at)
+        at += struct.calcsize("<" + length)
+        if item:
+            form = f"<{value}{item[0]}"
+            value, at = [*struct.unpack_from(form, body, at)], at + struct.calcsize(form)
+        row.append(value)
+    return row, at
 
 
 def matched(truth: Gaussians, found: Gaussians) -> Gaussians:

@@ -12,10 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from tests.io import sogs
+from tests.io.colmaps import colmap_binary, colmap_text
 from tests.io.compressed_plys import small_tables
 from tests.io.gltfs import EXTENSION, SPLATTING, Made, scene_of
 from tests.io.ksplats import Part, gaussforge, ksplat
-from tests.io.plys import Table, ply_bytes, splat_names, splats
+from tests.io.plys import Table, in_halves, ply_bytes, splat_names, splats
 from tests.io.splats import record
 from tests.io.spzs import SH_VALUES, Splat, bare, framed, zipped
 from tests.io.test_npz import named, trained
@@ -29,12 +30,32 @@ Files = dict[str, bytes]
 RNG = np.random.default_rng(5)
 SCENE = random_gaussians(RNG, 7, 1)
 PART = Part(SCENE, 4, (2, 1))
+POINTS = [(0.5 * i, -i, i * i, 40 * i, 255 - i, 7) for i in range(6)]
 FACES = Table("face", [("list uchar int", "vertex_indices"), ("uchar", "flag")], [[[0, 1, 2], 7], [[], 8]])
 
 
 def _vertices(sh_degree: int, scalar: str = "float") -> Table:
     rows = RNG.normal(0, 1, (5, len(splat_names(sh_degree)))).astype(np.float32)
     return splats(rows.tolist(), sh_degree, scalar)
+
+
+def _points() -> Table:
+    rows = [[*point[:3], *point[3:]] for point in POINTS]
+    names = [
+        ("double", "x"),
+        ("float", "y"),
+        ("float", "z"),
+        ("uchar", "red"),
+        ("uchar", "green"),
+        ("uchar", "blue"),
+    ]
+    return Table("vertex", names, rows)
+
+
+def _filtered() -> Table:
+    table = _vertices(0)
+    names = [("float", f"scalar_{name}" if name not in "xyz" else name) for _, name in table.columns]
+    return Table("vertex", [*names, ("float", "filter_3D")], [[*row, 0.1] for row in table.rows])
 
 
 def _spz_splats(version: int, degree: int = 1) -> list[Splat]:
@@ -101,6 +122,12 @@ HONEST: dict[str, Files] = {
     "PLY, big-endian": {"scene.ply": ply_bytes([FACES, _vertices(0, "double")], "binary_big_endian")},
     "PLY, ASCII": {"scene.ply": ply_bytes([FACES, _vertices(0)], "ascii")},
     "PLY in gzip": {"scene.ply.gz": zipped(ply_bytes([_vertices(0)]))},
+    "PLY of points": {"scene.ply": ply_bytes([_points(), FACES])},
+    "PLY of points, ASCII": {"scene.ply": ply_bytes([_points()], "ascii")},
+    "PLY of halves": {"scene.ply": in_halves(_vertices(0))},
+    "PLY, renamed and filtered": {"scene.ply": ply_bytes([_filtered()])},
+    "COLMAP's points": {"points3D.bin": colmap_binary(POINTS)},
+    "COLMAP's points as text": {"points3D.txt": colmap_text(POINTS)},
     "compressed PLY": {"scene.compressed.ply": ply_bytes(small_tables(1, 5))},
     "compressed PLY, old": {"scene.compressed.ply": ply_bytes(small_tables(0, 300, colors=False))},
     "splat": {"scene.splat": b"".join(record(means=(i, 0, -i), scales=(0.1, 1, i)) for i in range(6))},

@@ -79,6 +79,14 @@ def row_bytes(table: Table, row: Sequence[Any], kind: str, newline: str = "\n") 
     return (" ".join(words) + newline).encode("ascii") if kind == "ascii" else b"".join(parts)
 
 
+def in_halves(table: Table, scalar: str = "ushort", kind: str = "binary_little_endian") -> bytes:
+    """Return a file of which all columns are halves, and said to be of a type of 16-bit integers."""
+    order = ">" if kind == "binary_big_endian" else "<"
+    head = Table(table.name, [(scalar, name) for _, name in table.columns], table.rows)
+    lines = "".join(line + "\n" for line in header_lines(kind, [head])).encode("ascii")
+    return lines + b"".join(struct.pack(f"{order}{len(row)}e", *row) for row in table.rows)
+
+
 def decoded(row: dict[str, float]) -> dict[str, list[float]]:
     """Return what a splat's columns mean: the slow twin of the loader, one number at a time."""
     quat = [row[f"rot_{i}"] for i in range(4)]

@@ -187,8 +187,25 @@ def test_bounds_of_any_size_warn_of_nothing_but_the_splats(tmp_path: Path, value
     elements[0].rows = [np.repeat(values, 9).tolist()]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        warnings.simplefilter("ignore", LoadWarning)
-        assert len(load_bytes(tmp_path, ply_bytes(elements))) == 0
+        with pytest.raises(LoadError, match=r"none of its \d+ splats can be drawn: .* nan or inf in scales"):
+            load_bytes(tmp_path, ply_bytes(elements))
+
+
+def test_log_scales_of_minus_infinity_are_flat_splats(tmp_path: Path) -> None:
+    elements = small_tables(0)
+    bounds = list(elements[0].rows[0])
+    names = [name for _, name in elements[0].columns]
+    for axis in "yz":
+        bounds[names.index(f"min_scale_{axis}")] = bounds[names.index(f"max_scale_{axis}")] = -math.inf
+    place = [name for _, name in elements[1].columns].index("packed_scale")
+    rows = [list(row) for row in elements[1].rows]
+    rows[0][place], rows[1][place] = 0, 2**32 - 1  # the ends, at which infinity times zero would be nan
+    elements[1].rows = rows
+    before = load_bytes(tmp_path, ply_bytes(elements))
+    elements[0].rows = [bounds]
+    after = load_bytes(tmp_path, ply_bytes(elements))
+    np.testing.assert_array_equal(after.scales[:, 0], before.scales[:, 0])
+    assert not after.scales[:, 1:].any()
 
 
 def test_bounds_that_signal_nan_warn_of_nothing_but_the_splats(tmp_path: Path) -> None:
@@ -202,8 +219,8 @@ def test_bounds_that_signal_nan_warn_of_nothing_but_the_splats(tmp_path: Path) -
     signalling = (0x7F800001).to_bytes(4, "little")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        warnings.simplefilter("ignore", LoadWarning)
-        assert len(load_bytes(tmp_path, raw[:place] + signalling + raw[place + 4 :])) == 0
+        with pytest.raises(LoadError, match=r"none of its \d+ splats can be drawn: .* nan or inf in means"):
+            load_bytes(tmp_path, raw[:place] + signalling + raw[place + 4 :])
 
 
 LIES: dict[str, tuple[Callable[[bytes], bytes], str]] = {

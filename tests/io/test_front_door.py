@@ -109,7 +109,7 @@ def test_a_write_that_fails_keeps_the_old_file(tmp_path: Path, monkeypatch: pyte
     def disk_full(*_: object, **__: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(np, "concatenate", disk_full)
+    monkeypatch.setattr(np, "log", disk_full)
     with pytest.raises(SaveError, match="No space left on device; choose another folder"):
         io.save(path, SCENE)
     assert path.read_bytes() == b"old"

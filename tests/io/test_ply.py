@@ -117,9 +117,9 @@ def test_broken_splats_are_left_out_and_counted_once(tmp_path: Path, kind: str) 
     broken = [
         one_splat(x=math.nan),
         one_splat(f_dc_2=math.inf),
-        one_splat(opacity=-math.inf),
+        one_splat(opacity=math.nan),
         one_splat(scale_1=100.0),
-        one_splat(scale_1=-math.inf),
+        one_splat(scale_1=math.inf),
         one_splat(rot_0=0.0),
         one_splat(rot_3=math.nan),
     ]
@@ -353,9 +353,10 @@ OTHER_KINDS = {
         [("uint", "packed_position"), ("uint", "packed_color")],
         "no element 'chunk'.*export the scene again",
     ),
-    "a point cloud": (
-        [("float", name) for name in ("x", "y", "z", "red")],
-        "point cloud.*lack opacity, scale_\\* and rot_",
+    "neither splats nor points": ([("float", name) for name in ("x", "y", "red")], "properties missing: z"),
+    "anchors of Scaffold-GS": (
+        [("float", name) for name in (*splat_names(0), "f_offset_0", "f_anchor_feat_0")],
+        "anchors of Scaffold-GS.*only its trained networks make splats of them",
     ),
     "lists in vertices": ([("list uchar int", "neighbours"), ("float", "x")], "'neighbours' is a list"),
 }

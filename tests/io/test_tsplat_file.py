@@ -252,7 +252,7 @@ def test_a_scene_without_harmonics_has_an_empty_section(tmp_path: Path) -> None:
     cloud, path = random_gaussians(np.random.default_rng(2), 5, 0), tmp_path / "x.tsplat"
     counts = Counts(5, 1, 0, 5)
     arrays = {name: [np.zeros(length, dtype)] for name, (dtype, length) in counts.arrays.items()}
-    arrays |= {"quats": [cloud.quats], "sh_first": [cloud.sh]}
+    arrays |= {"quats": [cloud.quats], "opacities": [cloud.opacities], "sh_first": [cloud.sh]}
     with path.open("wb") as file:
         write(file, counts, False, arrays)
     assert load(path).sh_degree == 0

@@ -8,6 +8,7 @@ from dataclasses import astuple
 
 from tsplat.bench.results import FRAME, Ceilings, SceneResult, ThreadRun, ViewTimes
 from tsplat.bench.views import VIEWS, View, camera_path
+from tsplat.options import near_plane
 from tsplat.raster import rasterize
 from tsplat.raster.ceilings import blends_per_second, copy_bytes_per_second, project_bytes
 from tsplat.rendering import RenderOptions
@@ -118,7 +119,7 @@ def measure_ceilings() -> Ceilings:
 
 
 def _draw(gaussians: Gaussians, view: View, threads: int, times: ViewTimes, *, counted: bool) -> None:
-    options = RenderOptions(threads=threads, depths=False)
+    options = RenderOptions(threads=threads, depths=False, near_plane=near_plane(gaussians))
     start = time.perf_counter()
     rendering = rasterize(gaussians, view.camera, options)
     milliseconds = {**rendering.stage_ms, FRAME: 1e3 * (time.perf_counter() - start)}

@@ -69,9 +69,12 @@ def edit_options(function: Callable[..., Any]) -> Callable[..., Any]:
 @click.argument("out", metavar="OUT", help="What to write, by its suffix; it may be one of those that are read.")
 @edit_options
 @shared(*READING)
+@shared("strict")
 @click.option("--json", "as_json", is_flag=True, help="Say what was done as JSON, for programs.")
 @click.pass_obj
-def convert(given: list[str], /, scenes: tuple[str, ...], out: str, as_json: bool, **options: Any) -> None:
+def convert(
+    given: list[str], /, scenes: tuple[str, ...], out: str, strict: bool, as_json: bool, **options: Any
+) -> None:
     """Write the splats of IN, or of several joined, to OUT in the format of its suffix, replacing a file there.
 
     Options that change the scene are followed in the order in which they are given, and may be repeated.
@@ -83,7 +86,7 @@ def convert(given: list[str], /, scenes: tuple[str, ...], out: str, as_json: boo
     edits = in_order(given, options)
     if how["max_splats"] and len(scenes) > 1:  # so many of each are read, and so many of all are kept
         edits.insert(0, Edit("max-splats", how["max_splats"]))
-    document = conversion.convert(scenes, Path(out), edits, how)
+    document = conversion.convert(scenes, Path(out), edits, how, strict=strict)
     if as_json:
         import json
 

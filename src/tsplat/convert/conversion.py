@@ -12,6 +12,7 @@ from tsplat.convert.edits import Edit, apply
 from tsplat.edit import join
 from tsplat.errors import OptionError
 from tsplat.io import saving
+from tsplat.io.losses import warn_lost
 from tsplat.io.on_disk import look
 from tsplat.io.sources import called
 from tsplat.options import loaded_scene
@@ -21,7 +22,9 @@ from tsplat.scene import Gaussians
 Document = dict[str, Any]
 
 
-def convert(scenes: Sequence[str], out: Path, edits: Sequence[Edit], how: dict[str, Any]) -> Document:
+def convert(
+    scenes: Sequence[str], out: Path, edits: Sequence[Edit], how: dict[str, Any], *, strict: bool = False
+) -> Document:
     """Read scenes, make one of them, edit it, and write it; ``out`` may be one of those that were read.
 
     Parameters
@@ -34,6 +37,8 @@ def convert(scenes: Sequence[str], out: Path, edits: Sequence[Edit], how: dict[s
         In this order.
     how : dict
         How to read; see `tsplat.options.reading`.
+    strict : bool
+        Write nothing where something would be lost.
 
     Returns
     -------
@@ -45,14 +50,19 @@ def convert(scenes: Sequence[str], out: Path, edits: Sequence[Edit], how: dict[s
     LoadError
         A scene cannot be read.
     SaveError
-        The scene cannot be written, which is tried before anything is read.
+        The scene cannot be written, which is tried before anything is read; or not without a loss, and is not to.
     OptionError
         No splat is left to be written.
+
+    Warns
+    -----
+    SaveWarning
+        The file lacks something of the scene.
     """
-    with saving(out) as write:
+    with saving(out, strict=strict) as write:
         inputs, loaded = [], []
         for name in scenes:
-            with loaded_scene(name, how) as (scene, path):
+            with loaded_scene(name, how | {"extra": True}) as (scene, path):
                 inputs.append(_input(called(name), path, scene))
                 loaded.append(scene)
         gaussians = join(loaded)
@@ -63,8 +73,9 @@ def convert(scenes: Sequence[str], out: Path, edits: Sequence[Edit], how: dict[s
             for edit in edits:
                 gaussians, step = _edited(gaussians, edit, progress)
                 steps.append(step)
-        write(gaussians)
-    return {"inputs": inputs, "edits": steps, "output": _output(out, len(gaussians), inputs)}
+        losses = write(gaussians)
+    warn_lost(out, losses, stacklevel=2)
+    return {"inputs": inputs, "edits": steps, "output": _output(out, gaussians, inputs) | {"losses": losses}}
 
 
 def _edited(gaussians: Gaussians, edit: Edit, progress: Callable[[float], None]) -> tuple[Gaussians, Document]:
@@ -84,11 +95,11 @@ def _input(name: str, path: Path, gaussians: Gaussians) -> Document:
     return {"name": name, **_file(path), **about}
 
 
-def _output(path: Path, splats: int, inputs: Sequence[Document]) -> Document:
+def _output(path: Path, gaussians: Gaussians, inputs: Sequence[Document]) -> Document:
     about = _file(path)
     before, after = [each["bytes"] for each in inputs], about["bytes"]
     ratio = None if None in (*before, after) else after / sum(before)
-    return {"name": str(path), **about, "splats": splats, "ratio": ratio}
+    return {"name": str(path), **about, "splats": len(gaussians), "origin": gaussians.origin, "ratio": ratio}
 
 
 def _file(path: Path) -> Document:

@@ -86,6 +86,6 @@ def _decimated(gaussians: Gaussians, count: int, progress: Callable[[float], Non
 
 def _compile_search() -> None:
     """Look for a neighbour once, for the sake of the kernels."""
-    from tsplat.edit.neighbours import mean_gaps
+    from tsplat.neighbours import mean_gaps
 
     mean_gaps(np.zeros((2, 3), np.float32), np.zeros(2, np.float32), 1)

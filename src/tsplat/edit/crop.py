@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tsplat.given import real, triple
+from tsplat.origin import in_scene
 from tsplat.scene import Gaussians, a_scene
 
 
@@ -31,8 +32,8 @@ def crop_box(gaussians: Gaussians, corner: Sequence[float], opposite: Sequence[f
         A corner is no point.
     """
     ends = triple("corner", corner, finite=False), triple("opposite", opposite, finite=False)
-    low, high = np.minimum(*ends), np.maximum(*ends)
-    inside = (a_scene(gaussians).means >= low) & (gaussians.means <= high)
+    low, high = (in_scene(a_scene(gaussians), end(*ends)) for end in (np.minimum, np.maximum))
+    inside = (gaussians.means >= low) & (gaussians.means <= high)
     return gaussians.take(np.flatnonzero(inside.all(axis=1)))
 
 
@@ -59,5 +60,6 @@ def crop_sphere(gaussians: Gaussians, center: Sequence[float], radius: float) ->
         The center is no point, or the radius negative.
     """
     radius = real("the radius of a sphere", radius, "0 or more", 0.0)
-    distances = np.linalg.norm(a_scene(gaussians).means - triple("center", center), axis=1)
+    middle = in_scene(a_scene(gaussians), triple("center", center))
+    distances = np.linalg.norm(gaussians.means - middle, axis=1)
     return gaussians.take(np.flatnonzero(distances <= radius))

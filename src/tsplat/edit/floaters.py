@@ -46,7 +46,7 @@ def remove_floaters(
     sigmas = real("sigmas", sigmas)
     if not len(a_scene(gaussians)):
         return gaussians
-    from tsplat.edit.neighbours import mean_gaps  # kernels, which other edits do without
+    from tsplat.neighbours import mean_gaps  # kernels, which other edits do without
 
     # The logarithm keeps a single splat beyond all measure from making everything else usual.
     alone = np.log1p(mean_gaps(gaussians.means, gaussians.scales.max(axis=1), NEIGHBOURS, progress))

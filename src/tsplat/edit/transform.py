@@ -15,8 +15,9 @@ import numpy.typing as npt
 
 from tsplat.errors import OptionError
 from tsplat.given import real, triple
+from tsplat.origin import placed, world_means
 from tsplat.rotations import quat_products, rotations_of
-from tsplat.scene import Gaussians, a_scene
+from tsplat.scene import Gaussians, Vector, a_scene
 from tsplat.sh_rotation import rotate_sh
 
 F32 = npt.NDArray[np.float32]
@@ -44,16 +45,18 @@ def rotate(gaussians: Gaussians, degrees: Sequence[float]) -> Gaussians:
     rotation = rotations_of(quat[None])[0]
     quats = quat_products(quat, gaussians.quats)
     return replace(
-        gaussians,
-        means=_in_float32(gaussians.means @ rotation.T),
+        placed(gaussians, world_means(gaussians) @ rotation.T),
         quats=(quats / np.linalg.norm(quats, axis=1, keepdims=True)).astype(np.float32),
         sh=rotate_sh(gaussians.sh, rotation),
+        up=_turned(gaussians.up, rotation),
+        extra=gaussians.extra and gaussians.extra.turned(rotation),
     )
 
 
 def translate(gaussians: Gaussians, offset: Sequence[float]) -> Gaussians:
     """Shift a scene by three world units along x, y and z."""
-    return replace(a_scene(gaussians), means=_in_float32(gaussians.means + triple("offset", offset)))
+    moved = placed(a_scene(gaussians), world_means(gaussians) + triple("offset", offset))
+    return replace(moved, extra=gaussians.extra and gaussians.extra.moved())
 
 
 def scale(gaussians: Gaussians, factor: float) -> Gaussians:
@@ -67,15 +70,22 @@ def scale(gaussians: Gaussians, factor: float) -> Gaussians:
     factor = real("the factor of a scale", factor, "finite and above 0", math.ulp(0.0))
     if factor == math.inf:
         raise OptionError("the factor of a scale must be finite and above 0, got inf")
-    means, scales = (
-        _in_float32(array.astype(np.float64) * factor) for array in (a_scene(gaussians).means, gaussians.scales)
+    with np.errstate(over="ignore"):  # what is beyond float32 is infinite, and refused
+        scales = (a_scene(gaussians).scales.astype(np.float64) * factor).astype(np.float32)
+    return replace(
+        placed(gaussians, world_means(gaussians) * factor),
+        scales=scales,
+        extra=gaussians.extra and gaussians.extra.moved(),
     )
-    return replace(gaussians, means=means, scales=scales)
 
 
-def _in_float32(array: F64) -> F32:
-    with np.errstate(over="ignore"):  # what is beyond it is infinite, and refused
-        return array.astype(np.float32)
+def _turned(up: Vector | None, rotation: F64) -> Vector | None:
+    if up is None:
+        return None
+    # Quarter turns leave an axis an axis.
+    turned = np.round(rotation @ up, 12)
+    x, y, z = (float(value) + 0.0 for value in turned / np.linalg.norm(turned))
+    return x, y, z
 
 
 def euler_quat(degrees: Sequence[float]) -> F64:

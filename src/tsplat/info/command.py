@@ -26,7 +26,7 @@ def info(scene: str, as_json: bool, **options: Any) -> None:
     name, how = called(scene), reading(options)
     with _load_warnings() as warned, loaded_scene(scene, how) as (gaussians, path):
         problems = [text.removeprefix(f"{name}: ") for text in warned]
-        chosen = {each: how[each] for each in ("raw_opacity", "max_splats")}
+        chosen = {each: how[each] for each in ("raw_opacity", "raw_scales", "max_splats")}
         found = document(name, path, gaussians, problems, **chosen)
     if as_json:
         import json

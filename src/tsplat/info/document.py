@@ -30,6 +30,7 @@ def document(
     problems: Sequence[str] = (),
     *,
     raw_opacity: bool = False,
+    raw_scales: bool = False,
     max_splats: int | None = None,
 ) -> dict[str, Any]:
     """Return a scene in numbers, as what `json.dumps` takes: lists, texts as keys, every number finite.
@@ -44,7 +45,7 @@ def document(
         What was loaded; it may be empty.
     problems : sequence of str
         Texts of the warnings while loading.
-    raw_opacity, max_splats
+    raw_opacity, raw_scales, max_splats
         With what it was loaded.
 
     Notes
@@ -56,7 +57,7 @@ def document(
     # Levels of detail take space on disk that the splats of one level do not account for.
     whole = len(gaussians) > 0 and max_splats is None and on_disk.scenes == 1
     looks_wrong = [finding_of_loading(problem.removeprefix(f"{path}: ")) for problem in problems]
-    looks_wrong += findings(measures, box.radius, raw_opacity=raw_opacity)
+    looks_wrong += findings(measures, box.radius, raw_opacity=raw_opacity, raw_scales=raw_scales)
     return {
         "version": VERSION,
         "scene": scene,
@@ -67,6 +68,8 @@ def document(
         "splats": len(gaussians),
         "sh_degree": gaussians.sh_degree,
         "antialiased": gaussians.antialiased,
+        "up": list(gaussians.up) if gaussians.up else None,
+        "origin": list(gaussians.origin) if gaussians.origin else None,
         "memory_bytes": gaussians.nbytes,
         "box": _box(gaussians.means) if len(gaussians) else None,
         "bulk": {

@@ -21,6 +21,9 @@ FLAT = 1e-7
 """Shortest over longest axis: about the step of float32, so that the thickness is lost beside the length. The
 camera holds 1.4e-7, and 9 % of it lies below 1e-4: such splats are common and no fault."""
 
+FLAT_SHARE = 0.001
+"""Share of flat splats from which on it is worth a word; 2DGS and other writers make all of them so."""
+
 HUGE, HUGE_OPACITY = 10.0, 0.02
 """Longest standard deviation in radii of the bulk, and the opacity from which on such a splat is seen as a veil.
 The largest of the camera's backdrop has 6.2 radii."""
@@ -39,9 +42,16 @@ levels of the robot hold 0.002. The range from 0 to 1 itself is left by a tenth 
 RAW_OPACITIES = (0.5 - 1 / 255, 1.0 / (1.0 + math.exp(-1.0)) + 1 / 255)
 """What 0 to 1 becomes when it is read as logits, give or take a byte's rounding."""
 
-ENOUGH = 10
-"""Fewer splats say nothing by all having such an opacity."""
+FAINT = 0.02
+"""Training resets opacities to 0.01 at most, now and then; what it saved just after that has none above."""
 
+LINEAR_MIN, LINEAR_GAPS, LINEAR_LOGS = 0.999, 1.3, (0.1, 5.0)
+"""The exp of a length is 1 or more, give or take a format's rounding. It is longer than splats are apart, which
+for N of them on surfaces is about the width of the scene over the root of N, and its logarithm is about as long as
+that. Trained splats are 0.5 to 4 times as long, but never are all of them 1 thick in such a scene."""
+
+ENOUGH = 10
+"""Fewer splats say nothing by all having such an opacity or size."""
 
 LOADING_REMEDY = "the rest is shown; train or convert the scene again if many are missing"
 
@@ -53,7 +63,8 @@ class Finding:
     Attributes
     ----------
     kind : str
-        For programs: loading, flat, huge, far, transparent, raw_opacity, hard_opacity, colors.
+        For programs: loading, raw_scales, raw_opacity, hard_opacity, reset_opacity, colors, huge, far,
+        transparent, flat.
     text : str
         What, of how many splats.
     remedy : str
@@ -71,7 +82,9 @@ class Finding:
     share: float | None
 
 
-def findings(measures: Measures, radius: float, *, raw_opacity: bool) -> list[Finding]:
+def findings(
+    measures: Measures, radius: float, *, raw_opacity: bool = False, raw_scales: bool = False
+) -> list[Finding]:
     """Return what looks wrong in a scene, the worst first.
 
     Parameters
@@ -80,12 +93,14 @@ def findings(measures: Measures, radius: float, *, raw_opacity: bool) -> list[Fi
         Of all splats.
     radius : float
         Of the bulk, in world units.
-    raw_opacity : bool
-        The file was read with this option.
+    raw_opacity, raw_scales : bool
+        The file was read with these options.
     """
     every = [
+        None if raw_scales else _raw_scales(measures, radius),
         _raw_opacities(measures, raw_opacity),
         _hard_opacities(measures, raw_opacity),
+        _reset_opacities(measures),
         _colors(measures),
         _huge(measures, radius),
         _far(measures),
@@ -104,6 +119,24 @@ def finding_of_loading(problem: str) -> Finding:
     return Finding("loading", text, remedy or LOADING_REMEDY, count, share)
 
 
+def _raw_scales(measures: Measures, radius: float) -> Finding | None:
+    count = len(measures.longest)
+    if count < ENOUGH or float((measures.longest * measures.flatness).min()) < LINEAR_MIN:
+        return None
+    usual = float(np.median(measures.longest))
+    # Not the radius itself: it counts the sizes in.
+    gap = 2.0 * max(float(np.median(measures.distances)) * radius, 1e-30) / math.sqrt(count)
+    low, high = LINEAR_LOGS
+    if usual < LINEAR_GAPS * gap or not low * gap <= math.log(usual) <= high * gap:
+        return None
+    return _found(
+        "raw_scales",
+        np.ones(count, bool),
+        "are at least 1 unit thick, and too large for each other, as scales without the logarithm would be",
+        "try --raw-scales with a PLY or .npz; what was converted from a PLY, convert again with raw scales",
+    )
+
+
 def _raw_opacities(measures: Measures, raw_opacity: bool) -> Finding | None:
     low, high = RAW_OPACITIES
     opacities = measures.opacities
@@ -113,7 +146,7 @@ def _raw_opacities(measures: Measures, raw_opacity: bool) -> Finding | None:
         "raw_opacity",
         np.ones(len(opacities), bool),
         "have opacities from 0.5 to 0.73, as logits from 0 to 1 would give",
-        "try --raw-opacity with a PLY; what was converted from a PLY, convert again with raw opacities",
+        "try --raw-opacity with a PLY or .npz; what was converted from a PLY, convert again with raw opacities",
     )
 
 
@@ -127,6 +160,18 @@ def _hard_opacities(measures: Measures, raw_opacity: bool) -> Finding | None:
         else "fine for a point cloud; else its opacities have another unit: convert the scene again"
     )
     return _found("hard_opacity", hard, "have an opacity of exactly 0 or 1", remedy)
+
+
+def _reset_opacities(measures: Measures) -> Finding | None:
+    faint = measures.opacities < FAINT
+    if len(faint) < ENOUGH or not faint.all() or not measures.opacities.any():
+        return None
+    return _found(
+        "reset_opacity",
+        faint,
+        f"have an opacity below {FAINT:g}: the scene was saved just after training reset them",
+        "open what was saved some thousand steps later",
+    )
 
 
 def _colors(measures: Measures) -> Finding | None:
@@ -175,6 +220,7 @@ def _flat(measures: Measures) -> Finding | None:
         measures.flatness < FLAT,
         f"are flat: their thickness is 0 or below {FLAT:g} of their length",
         "harmless here, but programs that take a scale's logarithm or inverse may fail: give them a thickness",
+        FLAT_SHARE,
     )
 
 

@@ -66,6 +66,10 @@ def _facts(document: Document) -> Table:
         "antialiased": "yes, drawn with --antialias mip" if document["antialiased"] else "no",
         "memory": _megabytes(document["memory_bytes"]),
     }
+    if document["up"]:
+        rows["up"] = f"{_point(document['up'])}, as the file says"
+    if document["origin"]:
+        rows["origin"] = f"({', '.join(map(repr, document['origin']))}), taken off all coordinates here"
     if document["box"]:
         rows["box"] = _corners(document["box"])
         rows["bulk"] = _corners(bulk)

@@ -9,12 +9,15 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from typing import BinaryIO
 
 from tsplat import given
 from tsplat.errors import LoadError, OptionError, SaveError
 from tsplat.files import replacing
 from tsplat.io.cameras import TrainingCamera, load_cameras
-from tsplat.io.formats import FORMATS, HEAD_BYTES, find_format
+from tsplat.io.finish import warn_faint
+from tsplat.io.formats import FORMATS, HEAD_BYTES, Format, find_format
+from tsplat.io.losses import refuse_lost, warn_lost
 from tsplat.io.options import LoadOptions, SpzFrame
 from tsplat.io.sources import local_file
 from tsplat.io.train_focal import train_focal_beside, training_beside
@@ -31,8 +34,10 @@ def load(
     *,
     max_splats: int | None = None,
     raw_opacity: bool = False,
+    raw_scales: bool = False,
     spz_frame: SpzFrame = "rub",
     lod: int | None = 0,
+    extra: bool = False,
     progress: Callable[[float], None] | None = None,
     fetched: Callable[[int, int | None], None] | None = None,
 ) -> Gaussians:
@@ -48,11 +53,16 @@ def load(
     max_splats : int, optional
         Keep at most this many, those with the largest opacity times area; by default all.
     raw_opacity : bool
-        A PLY holds opacities from 0 to 1 where others hold logits.
+        A PLY or .npz holds opacities from 0 to 1 where others hold logits.
+    raw_scales : bool
+        A PLY or .npz holds scales in world units where others hold their logarithms.
     spz_frame : {"rub", "rdf"}
         The axes of an SPZ: right, up, back by its specification; some writers keep a PLY's right, down, front.
     lod : int, optional
         Which level of detail of a streamed scene, 0 the finest; None for all of them, one over the other.
+    extra : bool
+        Keep what else a PLY holds, as `Gaussians.extra`: columns and elements of its own, comments. They follow
+        the splats through `tsplat.edit`, and a PLY that is saved has them.
     progress : callable, optional
         Called with the fraction done, growing from 0 to 1.
     fetched : callable, optional
@@ -62,7 +72,7 @@ def load(
     Returns
     -------
     Gaussians
-        In file order. Splats with nan, inf or a zero quat are left out.
+        In file order. Splats with nan, inf or a zero quat are left out; points become balls.
 
     Raises
     ------
@@ -74,9 +84,9 @@ def load(
     Warns
     -----
     LoadWarning
-        Splats were left out or mended; the text says how many.
+        Splats were left out or mended, and how many; or there is nothing to see; or points were made splats.
     """
-    options = LoadOptions(max_splats, raw_opacity, spz_frame, lod)
+    options = LoadOptions(max_splats, raw_opacity, spz_frame, lod, raw_scales=raw_scales, extra=extra)
     progress = given.function("progress", progress or (lambda _: None))
     fetched = given.function("fetched", fetched or (lambda *_: None))
     with local_file(path, options.lod, progress, fetched) as (local, reading):
@@ -86,11 +96,22 @@ def load(
             raise LoadError(local, f"is of no known format, expected {names}; convert it first", 0)
         if options.lod and not known.levels:
             raise OptionError(f"lod must be 0 in a scene that is not streamed, got {lod}")
-        return known.read(local, options, reading)
+        gaussians = known.read(local, options, reading)
+        warn_faint(local, gaussians, stacklevel=3)
+        return gaussians
 
 
-def save(path: str | Path, gaussians: Gaussians) -> Path:
+def save(path: str | Path, gaussians: Gaussians, *, strict: bool = False) -> Path:
     """Write a scene in the format that the suffix names; an existing file is replaced in one step.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    gaussians : Gaussians
+        The scene.
+    strict : bool
+        Refuse to write what the format cannot hold.
 
     Returns
     -------
@@ -100,20 +121,27 @@ def save(path: str | Path, gaussians: Gaussians) -> Path:
     Raises
     ------
     SaveError
-        The suffix names no format that can be written, or the folder cannot be written.
+        The suffix names no format that can be written, or the folder cannot be written; with ``strict``, something
+        would be lost.
     SceneError
         The scene is none.
+
+    Warns
+    -----
+    SaveWarning
+        Something was lost, beyond the rounding of the format.
     """
     path = given.path(path)
     a_scene(gaussians)
-    with saving(path) as write:
-        write(gaussians)
+    with saving(path, strict=strict) as write:
+        losses = write(gaussians)
+    warn_lost(path, losses, stacklevel=3)
     return path
 
 
 @contextmanager
-def saving(path: Path) -> Iterator[Callable[[Gaussians], None]]:
-    """Check that `save` can write there, and give what does so, for scenes that take long to make.
+def saving(path: Path, *, strict: bool = False) -> Iterator[Callable[[Gaussians], list[str]]]:
+    """Check that `save` can write there, and give what does so and says what is lost: for scenes that take long.
 
     Raises
     ------
@@ -127,7 +155,15 @@ def saving(path: Path) -> Iterator[Callable[[Gaussians], None]]:
         suffixes = ", ".join(suffix for known in FORMATS if known.write for suffix in known.suffixes)
         raise SaveError(f"{path}: suffix {path.suffix!r} is no format that can be written; use one of {suffixes}")
     with replacing(path) as file:
-        yield partial(known.write, file)
+        yield partial(_write, path, known, file, strict)
+
+
+def _write(path: Path, known: Format, file: BinaryIO, strict: bool, gaussians: Gaussians) -> list[str]:
+    assert known.write
+    losses = [*known.losses(gaussians), *known.write(file, gaussians)]
+    if strict:
+        refuse_lost(path, losses)
+    return losses
 
 
 def demo_path() -> Path:

@@ -49,6 +49,9 @@ THREE = np.array([[21, 11, 0], [2047, 1023, 2047]], np.uint32)
 COLORS = np.array([[24, 16, 8], [255, 255, 255]], np.uint32)
 """Where the fields of a word begin, and their highest values."""
 
+FLAT = -1000.0
+"""A log scale in place of minus infinity, between which and another nothing lies: its exp is 0 as well."""
+
 OPACITY = np.uint32(255)
 """The last byte of a colour."""
 
@@ -186,6 +189,7 @@ def _read_bounds(file: BinaryIO, path: Path, header: Header, chunk: Element) -> 
     with np.errstate(over="ignore", invalid="ignore"):  # of numbers that their splats are left out for
         bounds = np.concatenate([np.empty((0, len(names))), *blocks]).astype(np.float64)
         bounds[:, 12:] = (bounds[:, 12:] - 0.5) / SH_C0
+        bounds[:, 6:12][np.isneginf(bounds[:, 6:12])] = FLAT
         return [np.ascontiguousarray(three, np.float32) for three in np.split(bounds, 6, axis=1)]
 
 

@@ -12,6 +12,7 @@ from typing import BinaryIO
 import numpy as np
 import numpy.typing as npt
 
+from tsplat.framing import Bulk, bulk
 from tsplat.io.compressed_ply import (
     BLOCK,
     CHUNK,
@@ -21,7 +22,8 @@ from tsplat.io.compressed_ply import (
     SH_RANGE,
     WORDS,
 )
-from tsplat.io.ply_comments import antialias_comments
+from tsplat.io.losses import colors_cut, sigmas_cut
+from tsplat.io.ply_comments import comment_lines
 from tsplat.scene import SH_C0, SH_COEFFICIENTS, Gaussians
 
 F32 = npt.NDArray[np.float32]
@@ -35,28 +37,54 @@ MAX_LOG_SCALE = 20.0
 SH_DEGREE_MAX = 3
 """Other readers of this format know no more."""
 
+ROOM = 8.0
+"""Radii of the bulk in which all splats share chunks; beyond, every time farther out by this."""
+
 MORTON_BITS = 21
 """Bits of each axis: three of them fill a word of 64."""
 
 
-def write(file: BinaryIO, gaussians: Gaussians) -> None:
-    """Write a compressed PLY, splats in Morton order.
+def write(file: BinaryIO, gaussians: Gaussians) -> list[str]:
+    """Write a compressed PLY, splats in Morton order, and return what of its range that cuts.
 
     Harmonics beyond degree 3 are left out, coefficients beyond 4 and scales beyond ``exp(20)``
-    become the nearest that fits.
+    become the nearest that fits. Splats far outside of the bulk have chunks of their own.
     """
-    n, k = len(gaussians), min(gaussians.sh.shape[1], SH_COEFFICIENTS[SH_DEGREE_MAX])
-    order = morton_order(gaussians.means)
-    blocks = [order[first : first + BLOCK] for first in range(0, n, BLOCK)]
-    packed = [_pack_splats(gaussians, block) for block in blocks]
-    file.write(_header(n, 3 * (k - 1), antialias_comments(gaussians)))
+    k, box = min(gaussians.sh.shape[1], SH_COEFFICIENTS[SH_DEGREE_MAX]), bulk(gaussians)
+    order, shown = _chunked(gaussians.means, box)
+    rows = [slice(first, first + BLOCK) for first in range(0, len(order), BLOCK)]
+    packed = [_pack_splats(gaussians, order[part], shown[part]) for part in rows]
+    file.write(_header(len(order), 3 * (k - 1), comment_lines(gaussians)))
     for bounds, _ in packed:
         file.write(bounds)
     for _, words in packed:
         file.write(words)
     if k > 1:
-        for block in blocks:
-            file.write(_pack_rest(gaussians.sh[block, 1:k]))
+        for part in rows:
+            file.write(_pack_rest(gaussians.sh[order[part], 1:k]))
+    tiny = math.exp(-MAX_LOG_SCALE)
+    losses = colors_cut(gaussians, slice(1, k), SH_RANGE, f"harmonics beyond {SH_RANGE:g}")
+    return sigmas_cut(gaussians, box, tiny, 1.0 / tiny) + losses
+
+
+def _chunked(means: F32, box: Bulk) -> tuple[Indices, npt.NDArray[np.bool_]]:
+    """Return the order of the splats, and which of them are shown.
+
+    All of a chunk lie within its bounds, and the wider these are, the less exactly: a single splat far away would
+    cost 255 others their places. So shells about the bulk begin chunks of their own, and the last chunk of a shell
+    is filled up with splats that are never drawn.
+    """
+    distances = np.linalg.norm(means - box.center, axis=1) / (ROOM * box.radius)
+    with np.errstate(divide="ignore"):
+        shells = np.ceil(np.log(distances) / math.log(ROOM)).clip(0.0)
+    orders, masks = [np.empty(0, np.intp)], [np.empty(0, np.bool_)]
+    for shell in np.unique(shells):
+        own = np.flatnonzero(shells == shell)
+        order = own[morton_order(means[own])]
+        fill = -len(order) % CHUNK if shell < shells.max() else 0
+        orders += [order, np.full(fill, order[-1])]
+        masks += [np.ones(len(order), np.bool_), np.zeros(fill, np.bool_)]
+    return np.concatenate(orders), np.concatenate(masks)
 
 
 def morton_order(means: F32) -> Indices:
@@ -80,17 +108,17 @@ def morton_order(means: F32) -> Indices:
     return np.argsort(codes, kind="stable")
 
 
-def _header(count: int, rest: int, comments: list[str]) -> bytes:
-    lines = ["ply", "format binary_little_endian 1.0", *comments]
-    lines += [f"element chunk {math.ceil(count / CHUNK)}"]
+def _header(count: int, rest: int, comments: list[bytes]) -> bytes:
+    begin = [b"ply", b"format binary_little_endian 1.0", *comments]
+    lines = [f"element chunk {math.ceil(count / CHUNK)}"]
     lines += [f"property float {name}" for name in POSITION_BOUNDS + SCALE_BOUNDS + COLOR_BOUNDS]
     lines += [f"element vertex {count}", *(f"property uint {word}" for word in WORDS)]
     if rest:
         lines += [f"element sh {count}", *(f"property uchar f_rest_{i}" for i in range(rest))]
-    return "\n".join([*lines, "end_header", ""]).encode("ascii")
+    return b"\n".join([*begin, *(line.encode("ascii") for line in lines), b"end_header", b""])
 
 
-def _pack_splats(gaussians: Gaussians, block: Indices) -> tuple[bytes, bytes]:
+def _pack_splats(gaussians: Gaussians, block: Indices, shown: npt.NDArray[np.bool_]) -> tuple[bytes, bytes]:
     # The bounds of every chunk of a block, and the words of its splats.
     tiny = math.exp(-MAX_LOG_SCALE)
     scales = np.log(np.clip(gaussians.scales[block], tiny, 1.0 / tiny))
@@ -99,7 +127,7 @@ def _pack_splats(gaussians: Gaussians, block: Indices) -> tuple[bytes, bytes]:
     starts = np.arange(0, len(block), CHUNK)
     low, high = (ends.reduceat(values, starts, axis=0) for ends in (np.minimum, np.maximum))
     parts = _parts(values, low, high)
-    levels = np.concatenate([parts[:, 2], gaussians.opacities[block, None]], axis=1)
+    levels = np.concatenate([parts[:, 2], (gaussians.opacities[block] * shown)[:, None]], axis=1)
     words = (
         _pack(parts[:, 0], (21, 11, 0), (11, 10, 11)),
         _pack_quats(gaussians.quats[block]),

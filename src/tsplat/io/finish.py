@@ -12,15 +12,20 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from tsplat.errors import LoadWarning
+from tsplat.errors import LoadError, LoadWarning
+from tsplat.extra import Extra
 from tsplat.importance import importance, most_important
 from tsplat.io.arrays import Arrays, chunks
 from tsplat.io.threads import on_threads
-from tsplat.scene import Gaussians
+from tsplat.origin import find_origin, take_off
+from tsplat.scene import Gaussians, Vector
 
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
+
+UNSEEN = 1.0 / 255.0
+"""Opacities below change no pixel; `tsplat.rendering.ALPHA_MIN`, which drawing alone may change."""
 
 
 def finish(
@@ -34,6 +39,9 @@ def finish(
     good: Mask | None = None,
     max_splats: int | None,
     antialiased: bool = False,
+    up: Vector | None = None,
+    origin: Vector | None = None,
+    extra: Extra | None = None,
 ) -> Gaussians:
     """Return the scene of a file.
 
@@ -47,8 +55,15 @@ def finish(
         As from `mend`, where the reader knows or has mended the splats; else all are mended here.
     max_splats : int or None
         Keep at most this many, those with the largest opacity times area.
-    antialiased : bool
+    antialiased, up, extra
         As in `Gaussians`.
+    origin : tuple of 3 floats, optional
+        As in `Gaussians`, where the reader has taken one off; else it is looked for here.
+
+    Raises
+    ------
+    LoadError
+        There are splats, but none that can be drawn.
 
     Warns
     -----
@@ -62,11 +77,18 @@ def finish(
     if good is None:
         good = mend_all(arrays)
     kept = int(np.count_nonzero(good))
+    if count and not kept:
+        raise LoadError(path, f"none of its {count} splats can be drawn: {_reasons(arrays)}")
     warn_dropped(path, count - kept, count, stacklevel=5)
     if max_splats is not None and max_splats < kept:
         good = most_important(scores(arrays, good), max_splats)
     means, quats, scales, opacities, sh = (keep(array, good) for array in arrays)
-    return Gaussians.of_finite(means, quats, scales, opacities, sh, antialiased)
+    if origin is None and (origin := find_origin(means)):
+        take_off(means, origin)
+    about = {"antialiased": antialiased, "up": up, "origin": origin, "extra": extra}
+    if extra and not good.all():
+        about["extra"] = extra.take(np.flatnonzero(good))
+    return Gaussians.of_finite(means, quats, scales, opacities, sh, **about)
 
 
 def warn_dropped(path: Path, dropped: int, count: int, stacklevel: int) -> None:
@@ -74,6 +96,28 @@ def warn_dropped(path: Path, dropped: int, count: int, stacklevel: int) -> None:
     if dropped:
         problem = f"dropped {dropped} of {count} splats: nan, inf or a zero quat"
         warnings.warn(f"{path}: {problem}", LoadWarning, stacklevel=stacklevel)
+
+
+def _reasons(arrays: Arrays) -> str:
+    """Say how many splats cannot be drawn for each of the arrays, and what to do."""
+    bad = {
+        name: int(np.count_nonzero(~np.isfinite(array.reshape(len(array), -1)).all(axis=1)))
+        for name, array in arrays._asdict().items()
+    }
+    zero = {"quats": "zero, nan or inf"}  # which became nan
+    said = ", ".join(f"{bad[name]} for {zero.get(name, 'nan or inf')} in {name}" for name in bad if bad[name])
+    alone = bad["scales"] and not any(bad[name] for name in bad if name != "scales")
+    linear = ", or read a PLY with raw_scales if its scales are no logarithms" if alone else ""
+    return f"{said}; export it again{linear}"
+
+
+def warn_faint(path: Path, gaussians: Gaussians, stacklevel: int) -> None:
+    """Say that no splat of a scene can be seen, if so: a black picture is no answer."""
+    count = len(gaussians)
+    if count and gaussians.opacities.max() < UNSEEN:
+        problem = f"{count} of {count} splats are too faint to be seen, with opacities below 1/255"
+        remedy = "open an earlier or later state of the training"
+        warnings.warn(f"{path}: {problem}; {remedy}", LoadWarning, stacklevel=stacklevel)
 
 
 def mend_all(arrays: Arrays) -> Mask:

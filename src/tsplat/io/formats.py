@@ -7,8 +7,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Protocol
 
-from tsplat.io import compressed_ply_write, gltf, gltf_write, ksplat, npz, ply, sog, sog_write, splat, spz
+from tsplat.io import (
+    colmap_points,
+    compressed_ply_write,
+    gltf,
+    gltf_write,
+    ksplat,
+    npz,
+    ply,
+    sog,
+    sog_write,
+    splat,
+    spz,
+)
 from tsplat.io import tsplat_file as tsplat
+from tsplat.io.losses import lacks
 from tsplat.io.options import LoadOptions
 from tsplat.scene import Gaussians
 
@@ -35,33 +48,56 @@ class Format:
         Reads a scene.
     write : callable, optional
         Writes a scene to a binary file that is open for writing; what the format cannot hold becomes the nearest.
+        Returns what of its range that changes, see `tsplat.io.losses`.
     levels : bool
         Whether there may be levels of detail.
+    sh_degree : int
+        The highest that is written.
+    keeps : set of str
+        What is written beside the splats, see `tsplat.io.losses.lacks`.
     """
 
     name: str
     suffixes: tuple[str, ...]
     matches: Callable[[bytes], bool]
     read: Reader
-    write: Callable[[BinaryIO, Gaussians], None] | None = None
+    write: Callable[[BinaryIO, Gaussians], list[str]] | None = None
     levels: bool = False
+    sh_degree: int = 3
+    keeps: frozenset[str] = frozenset()
+
+    def losses(self, gaussians: Gaussians) -> list[str]:
+        """Return what the format has no place for."""
+        return lacks(gaussians, self.sh_degree, self.keeps)
 
 
 HEAD_BYTES = 1024
 """How much of a file `Format.matches` gets to see."""
 
+SAYS_ALL = frozenset({"origin", "up", "antialiased", "comments", "extra"})
+SAYS_TRAINING = frozenset({"antialiased"})
+
 FORMATS = (
-    Format("PLY", (".ply",), ply.matches, ply.read, ply.write),
-    Format("compressed PLY", (".compressed.ply",), ply.matches, ply.read, compressed_ply_write.write),
+    Format("PLY", (".ply",), ply.matches, ply.read, ply.write, sh_degree=4, keeps=SAYS_ALL),
+    Format(
+        "compressed PLY",
+        (".compressed.ply",),
+        ply.matches,
+        ply.read,
+        compressed_ply_write.write,
+        keeps=SAYS_ALL - {"origin", "extra"},
+    ),
+    Format("COLMAP points", ("points3d.txt",), colmap_points.matches_text, colmap_points.read_text),
+    Format("COLMAP points", ("points3d.bin",), colmap_points.matches_binary, colmap_points.read_binary),
     Format("NumPy", (".npz",), npz.matches, npz.read),
-    Format("SOG", (".sog",), sog.matches, sog.read, sog_write.write, levels=True),
+    Format("SOG", (".sog",), sog.matches, sog.read, sog_write.write, levels=True, keeps=SAYS_TRAINING),
     Format("SOG", (".json",), sog.matches, sog.read, levels=True),
-    Format("GLB", (".glb",), gltf.matches_glb, gltf.read, gltf_write.write_glb),
-    Format("glTF", (".gltf",), gltf.matches_json, gltf.read, gltf_write.write_gltf),
-    Format("SPZ", (".spz",), spz.matches, spz.read, spz.write),
+    Format("GLB", (".glb",), gltf.matches_glb, gltf.read, gltf_write.write_glb, keeps=frozenset({"origin"})),
+    Format("glTF", (".gltf",), gltf.matches_json, gltf.read, gltf_write.write_gltf, keeps=frozenset({"origin"})),
+    Format("SPZ", (".spz",), spz.matches, spz.read, spz.write, keeps=SAYS_TRAINING),
     Format("ksplat", (".ksplat",), ksplat.matches, ksplat.read),
     Format("tsplat", (".tsplat",), tsplat.matches, tsplat.read),
-    Format("splat", (".splat",), splat.matches, splat.read, splat.write),
+    Format("splat", (".splat",), splat.matches, splat.read, splat.write, sh_degree=0),
 )
 
 

@@ -23,16 +23,21 @@ from tsplat.io.gltf_primitives import EXTENSION, find_primitives
 from tsplat.io.gltf_splats import Primitive
 from tsplat.io.gltf_transform import move
 from tsplat.io.options import LoadOptions
-from tsplat.scene import Gaussians
+from tsplat.origin import SAMPLE, find_origin
+from tsplat.scene import Gaussians, Vector
 
 HALF_TURN = np.diag([-1.0, -1.0, 1.0, 1.0])
+
+UP = (0.0, -1.0, 0.0)
+"""+Y of the format, after that turn."""
 
 SPLATS_A_BYTE = 16
 """Nodes may show the same splats again and again; so many more than there are bytes are a trap."""
 
 SPARE_SPLATS = 1 << 16
 
-Placed = tuple[Primitive, npt.NDArray[np.float64]]
+F64 = npt.NDArray[np.float64]
+Placed = tuple[Primitive, F64]
 
 
 def matches_glb(head: bytes) -> bool:
@@ -62,7 +67,7 @@ def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) ->
     """
     with np.errstate(over="ignore", invalid="ignore"):  # what that makes is dropped by finish
         placed, problems = _find(open_document(path))
-        splats = _read_all(placed, progress)
+        splats, origin = _read_all(placed, progress)
         outside = (splats.opacities < 0.0) | (splats.opacities > 1.0)
         np.clip(splats.opacities, 0.0, 1.0, out=splats.opacities)
     if outside.any():
@@ -70,7 +75,7 @@ def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) ->
     for problem in sorted(problems):
         warnings.warn(f"{path}: {problem}", LoadWarning, stacklevel=3)
     antialiased = all(primitive.antialiased for primitive, _ in placed)
-    return finish(path, *splats, max_splats=options.max_splats, antialiased=antialiased)
+    return finish(path, *splats, max_splats=options.max_splats, antialiased=antialiased, up=UP, origin=origin)
 
 
 def _find(document: Document) -> tuple[list[Placed], set[str]]:
@@ -92,10 +97,11 @@ def _find(document: Document) -> tuple[list[Placed], set[str]]:
     return placed, problems
 
 
-def _read_all(placed: list[Placed], progress: Callable[[float], None]) -> Arrays:
+def _read_all(placed: list[Placed], progress: Callable[[float], None]) -> tuple[Arrays, Vector | None]:
     count = sum(primitive.count for primitive, _ in placed)
     k = max(primitive.coefficients for primitive, _ in placed)
     splats = _allocate(count, k)
+    parts: list[tuple[Arrays, F64]] = []
     first = 0
     for primitive, matrix in placed:
         part = Arrays(*(each[first : first + primitive.count] for each in splats))
@@ -106,10 +112,26 @@ def _read_all(placed: list[Placed], progress: Callable[[float], None]) -> Arrays
             progress((first + fraction * size) / max(count, 1))
 
         primitive.fill(part, share)
-        move(part, matrix)
+        parts.append((part, matrix))
         first += primitive.count
+    origin = _origin_of(parts, count)
+    for part, matrix in parts:
+        # In float64 before anything is rounded: a node may lie as far away as a map has it.
+        move(part, matrix - _translation(origin) if origin else matrix)
     progress(1.0)
-    return splats
+    return splats, origin
+
+
+def _origin_of(parts: list[tuple[Arrays, F64]], count: int) -> Vector | None:
+    step = 1 + count // SAMPLE
+    some = [part.means[::step] @ matrix[:3, :3].T + matrix[:3, 3] for part, matrix in parts if len(part.means)]
+    return find_origin(np.concatenate(some)) if some else None
+
+
+def _translation(offset: Vector) -> F64:
+    matrix = np.zeros((4, 4))
+    matrix[:3, 3] = offset
+    return matrix
 
 
 def _allocate(count: int, k: int) -> Arrays:

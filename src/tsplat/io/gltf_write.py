@@ -65,7 +65,7 @@ class Column:
     values: Values
 
 
-def write_glb(file: BinaryIO, gaussians: Gaussians) -> None:
+def write_glb(file: BinaryIO, gaussians: Gaussians) -> list[str]:
     """Write a GLB.
 
     Parameters
@@ -90,9 +90,10 @@ def write_glb(file: BinaryIO, gaussians: Gaussians) -> None:
     file.write(HEADER.pack(MAGIC, 2, length) + CHUNK.pack(len(text), b"JSON") + text + CHUNK.pack(size, b"BIN\0"))
     for piece in _pieces(gaussians, columns):
         file.write(piece)
+    return []
 
 
-def write_gltf(file: BinaryIO, gaussians: Gaussians) -> None:
+def write_gltf(file: BinaryIO, gaussians: Gaussians) -> list[str]:
     """Write a .gltf that holds its numbers as base64; the parameters are those of `write_glb`.
 
     Raises
@@ -111,6 +112,7 @@ def write_gltf(file: BinaryIO, gaussians: Gaussians) -> None:
         file.write(binascii.b2a_base64(whole[:cut], newline=False))
         rest = whole[cut:]
     file.write(binascii.b2a_base64(rest, newline=False) + after.encode())
+    return []
 
 
 def _columns(gaussians: Gaussians) -> list[Column]:
@@ -151,6 +153,15 @@ def _pieces(gaussians: Gaussians, columns: list[Column]) -> Iterator[bytes]:
             yield column.values(slice(first, first + CHUNK_SPLATS)).astype("<" + column.code).tobytes()
 
 
+def _translation(gaussians: Gaussians) -> dict[str, list[float]]:
+    """Return where the scene's origin is: numbers of a JSON are float64, those of a splat float32."""
+    if not gaussians.origin:
+        return {}
+    return {
+        "translation": [value * float(sign) for value, sign in zip(gaussians.origin, MEANS_SIGNS, strict=True)]
+    }
+
+
 def _describe(gaussians: Gaussians, columns: list[Column], uri: str | None) -> dict[str, Any]:
     """Return the JSON of a file whose buffer has one column after the other."""
     count, offset = len(gaussians), 0
@@ -176,7 +187,7 @@ def _describe(gaussians: Gaussians, columns: list[Column], uri: str | None) -> d
         "extensionsUsed": [EXTENSION],
         "scene": 0,
         "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0}],
+        "nodes": [{"mesh": 0} | _translation(gaussians)],
         "meshes": [{"primitives": [primitive]}],
         "accessors": accessors,
         "bufferViews": views,

@@ -13,10 +13,12 @@ import numpy as np
 import numpy.typing as npt
 
 from tsplat.errors import LoadError
+from tsplat.io.activation import Activation
 from tsplat.io.finish import finish
 from tsplat.io.npz_arrays import Header, read_array, read_header
 from tsplat.io.options import LoadOptions
 from tsplat.io.sog_files import Archive
+from tsplat.origin import find_origin
 from tsplat.scene import SH_C0, SH_COEFFICIENTS, Gaussians
 
 F32 = npt.NDArray[np.float32]
@@ -67,16 +69,22 @@ def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) ->
         headers = _headers(archive, members)
         arrays = {}
         for done, (name, member) in enumerate(members.items(), 1):
-            arrays[name] = read_array(archive, member, headers[name])
+            arrays[name] = read_array(archive, member, headers[name], wide=name == "means")
             progress(done / len(members))
-        means, quats, scales = arrays["means"], arrays["quats"], np.exp(arrays["scales"])
-        opacities, sh = _sigmoid(arrays["opacities"].reshape(-1)), arrays["sh0"].reshape(-1, 1, 3)
+        origin = find_origin(arrays["means"])
+        means = (arrays["means"] - origin if origin else arrays["means"]).astype(np.float32, copy=False)
+        quats, scales = arrays["quats"], arrays["scales"].astype(np.float32)
+        opacities, sh = arrays["opacities"].reshape(-1).astype(np.float32), arrays["sh0"].reshape(-1, 1, 3)
+        activation = Activation(options)
+        activation.scales(scales)
+        activation.opacities(opacities)
         if "shN" in arrays and arrays["shN"].shape[1]:
             sh = np.concatenate([sh, arrays["shN"]], axis=1)
         elif members["sh0"].endswith(f"{NERFSTUDIO['sh0']}{SUFFIX}"):
             # Without harmonics, nerfstudio trains colours from 0 to 1 by their logits.
             sh = (_sigmoid(sh) - np.float32(0.5)) / np.float32(SH_C0)
-        return finish(path, means, quats, scales, opacities, sh, max_splats=options.max_splats)
+        activation.warn(path, len(means), stacklevel=4)
+        return finish(path, means, quats, scales, opacities, sh, max_splats=options.max_splats, origin=origin)
 
 
 def _members(path: Path, archive: Archive) -> Members:

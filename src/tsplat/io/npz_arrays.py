@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from tsplat.io.sog_files import Archive
 
-F32 = npt.NDArray[np.float32]
+Floats = npt.NDArray[np.floating]
 
 MAGIC = b"\x93NUMPY"
 
@@ -73,8 +73,8 @@ def read_header(archive: Archive, name: str) -> Header:
     return Header(np.dtype(descr[1]), sides, "F" if order[1] == "True" else "C", start)
 
 
-def read_array(archive: Archive, name: str, header: Header) -> F32:
-    """Return an array whose shape was found plausible.
+def read_array(archive: Archive, name: str, header: Header, *, wide: bool = False) -> Floats:
+    """Return an array whose shape was found plausible, as float32; what is float64 stays so where it is ``wide``.
 
     Raises
     ------
@@ -86,5 +86,6 @@ def read_array(archive: Archive, name: str, header: Header) -> F32:
     if len(content) != size:
         held = "more" if len(content) > size else str(len(content))
         raise archive.corrupt(name, f"holds {held} bytes, expected {size} for its shape {list(header.shape)}")
+    kind = np.float64 if wide and header.dtype.itemsize == 8 else np.float32
     numbers = np.frombuffer(content, header.dtype, offset=header.start)
-    return numbers.reshape(header.shape, order=header.order).astype(np.float32, copy=False)
+    return numbers.reshape(header.shape, order=header.order).astype(kind, copy=False)

@@ -23,11 +23,16 @@ class LoadOptions:
     max_splats : int, optional
         Keep at most this many, those with the largest opacity times area; by default all.
     raw_opacity : bool
-        A PLY holds opacities from 0 to 1 where others hold logits.
+        A PLY or .npz holds opacities from 0 to 1 where others hold logits.
     spz_frame : {"rub", "rdf"}
         The axes of an SPZ: right, up, back by its specification; some writers keep a PLY's right, down, front.
     lod : int, optional
         Which level of detail of a streamed scene, 0 the finest; None for all of them, one over the other.
+    raw_scales : bool
+        A PLY or .npz holds scales in world units where others hold their logarithms.
+
+    extra : bool
+        Keep what else a PLY holds: columns and elements of its own, comments.
 
     Raises
     ------
@@ -39,6 +44,8 @@ class LoadOptions:
     raw_opacity: bool = False
     spz_frame: SpzFrame = "rub"
     lod: int | None = 0
+    raw_scales: bool = False
+    extra: bool = False
 
     def __post_init__(self) -> None:
         if self.max_splats is not None:

@@ -1,14 +1,16 @@
-"""Rows of a splat PLY to the arrays of `Gaussians`: exp and sigmoid; what those would hide becomes nan."""
+"""Rows of a PLY to the arrays of `Gaussians`, activated."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 
 import numpy as np
 import numpy.typing as npt
 
+from tsplat.io.activation import Activation
 from tsplat.io.arrays import F32, Arrays
-from tsplat.io.finish import mark_finite, mend, scores
+from tsplat.io.finish import mend, scores
 from tsplat.io.ply_columns import Columns
 from tsplat.io.threads import on_threads
 
@@ -16,34 +18,24 @@ Mask = npt.NDArray[np.bool_]
 Piece = tuple[slice, F32]
 """Which rows of the arrays, and the columns of a file for them."""
 
-RAW_TOLERANCE = 1e-3
-"""Activated opacities may leave [0, 1] this far by rounding; beyond it they were something else."""
-
 
 class Decoder:
-    """Turns pieces of the file into arrays, and counts what it mended on the way.
+    """Turns pieces of the file into arrays.
 
     Parameters
     ----------
-    columns : dict of str to ndarray of intp
-        As `tsplat.io.ply_columns.find_columns` returned them.
-    raw_opacity : bool
-        Whether opacities are activated already.
-
-    Attributes
-    ----------
-    clamped : list of int
-        Activated opacities that lay clearly outside [0, 1], by piece.
+    columns : Columns
+        As `tsplat.io.ply_columns.find_columns` returned them. What they do not have is left as it is.
+    activation : Activation
+        For scales and opacities.
     """
 
-    def __init__(self, columns: Columns, raw_opacity: bool) -> None:
-        self._columns, self._raw_opacity = columns, raw_opacity
-        self._k = len(columns["sh"]) // 3
-        self.clamped: list[int] = []
+    def __init__(self, columns: Columns, activation: Activation) -> None:
+        self._columns, self.activation = columns, activation
 
     def gather(self, pieces: Iterable[Piece], count: int) -> Arrays:
         """Decode pieces of ``count`` splats where they will stay."""
-        arrays = Arrays.empty(count, self._k)
+        arrays = Arrays.empty(count, self._columns.k)
         on_threads(lambda piece: self._decode(piece[1], arrays.part(piece[0])), pieces)
         return arrays
 
@@ -53,7 +45,7 @@ class Decoder:
 
         def score_piece(piece: Piece) -> None:
             rows, values = piece
-            part = Arrays.empty(len(values), self._k)
+            part = Arrays.empty(len(values), self._columns.k)
             self._decode(values, part)
             found[rows] = scores(part, mend(part))
 
@@ -73,25 +65,26 @@ class Decoder:
         return self.gather(picked(), int(np.count_nonzero(chosen)))
 
     def _decode(self, values: F32, out: Arrays) -> None:
-        good = np.ones(len(values), np.bool_)
-        for name, columns in self._columns.items():
-            flat = getattr(out, name).reshape(len(values), len(columns))
-            np.take(values, columns, axis=1, out=flat, mode="clip")
-        # Of these, exp and sigmoid make numbers again.
-        mark_finite(out.scales, good)
-        mark_finite(out.opacities, good)
-        if not good.all():
-            out.means[~good] = np.nan
-        np.exp(out.scales, out=out.scales)
-        self._activate(out.opacities, good)
+        for name, columns in self._columns.arrays.items():
+            array = getattr(out, name)
+            flat = array.reshape(len(array), math.prod(array.shape[1:]))
+            np.take(values, columns, axis=1, out=flat[:, : len(columns)], mode="clip")
+        if self._columns.are_points:
+            return
+        lengths = out.scales[:, : len(self._columns.arrays["scales"])]
+        self.activation.scales(lengths)
+        out.scales[:, lengths.shape[1] :] = 0.0  # the thickness of 2DGS
+        self.activation.opacities(out.opacities)
+        if self._columns.filter_3d is not None:
+            _widen(out, values[:, self._columns.filter_3d])
 
-    def _activate(self, opacities: F32, good: Mask) -> None:
-        if self._raw_opacity:
-            outside = (opacities < -RAW_TOLERANCE) | (opacities > 1.0 + RAW_TOLERANCE)
-            self.clamped.append(int(np.count_nonzero(outside & good)))
-            np.clip(opacities, 0.0, 1.0, out=opacities)
-        else:
-            np.negative(opacities, out=opacities)
-            np.exp(opacities, out=opacities)
-            opacities += 1.0
-            np.reciprocal(opacities, out=opacities)
+
+def _widen(out: Arrays, filters: F32) -> None:
+    """Apply Mip-Splatting's 3D filter, as its training did before it drew (Yu et al. 2024, eq. 7).
+
+    Scales grow, and opacities shrink by as much as the volume grew.
+    """
+    wider = np.hypot(out.scales, filters[:, None])
+    shares = np.divide(out.scales, wider, out=np.ones_like(wider), where=wider != 0.0)
+    out.scales[:] = wider
+    np.multiply(out.opacities, shares.prod(axis=1), out=out.opacities)

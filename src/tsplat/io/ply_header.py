@@ -93,12 +93,15 @@ class Header:
         Offset in bytes of the first row.
     comments : tuple of str
         Without the word ``comment``, in file order; what is not ASCII is escaped.
+    remarks : tuple of bytes
+        All lines of comments and ``obj_info``, as they are.
     """
 
     byte_order: str
     elements: tuple[Element, ...]
     data_start: int
     comments: tuple[str, ...] = ()
+    remarks: tuple[bytes, ...] = ()
 
     def element(self, name: str) -> Element | None:
         """Return the element of that name, or None."""
@@ -128,28 +131,32 @@ def read_header(file: BinaryIO, path: Path) -> Header:
     byte_order: str | None = None
     elements: list[Element] = []
     comments: list[str] = []
+    remarks: list[bytes] = []
     start = head.index(b"\n") + 1
     while (end := head.find(b"\n", start)) >= 0:
 
         def fault(problem: str, offset: int = start) -> CorruptFileError:
             return CorruptFileError(path, f"header: {problem}", offset)
 
-        words = head[start:end].decode("ascii", "backslashreplace").split()
+        line = head[start:end]
+        words = line.decode("ascii", "backslashreplace").split()
         start = end + 1
         match words:
             case ["end_header"]:
                 if byte_order is None:
                     raise fault("no format line before end_header; expected e.g. 'format ascii 1.0'")
-                return Header(byte_order, tuple(elements), start, tuple(comments))
+                return Header(byte_order, tuple(elements), start, tuple(comments), tuple(remarks))
             case ["format", kind, "1.0"] if kind in BYTE_ORDERS and byte_order is None:
                 byte_order = BYTE_ORDERS[kind]
             case ["element", name, count]:
                 elements.append(_element(name, count, elements, fault))
             case ["property", *rest] if elements:
                 elements[-1] = _with_property(elements[-1], rest, fault)
-            case ["comment", *rest]:
-                comments.append(" ".join(rest))
-            case [] | ["obj_info", *_]:
+            case ["comment" | "obj_info" as kind, *rest]:
+                remarks.append(line.strip())
+                if kind == "comment":
+                    comments.append(" ".join(rest))
+            case []:
                 pass
             case _:
                 raise fault(f"line {_shown(' '.join(words))} is not understood; write the file again")

@@ -7,7 +7,7 @@ size is decoded while it is still in the cache.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import BinaryIO
 
@@ -17,8 +17,10 @@ import numpy.typing as npt
 from tsplat.errors import CorruptFileError, shown
 from tsplat.io.arrays import chunks
 from tsplat.io.ply_header import Element, Header
+from tsplat.io.ply_words import first_other, numbers
 
 F32 = npt.NDArray[np.float32]
+Shifts = Mapping[int, float]
 
 CHUNK_BYTES = 1 << 19
 """What is decoded at once: with its output it fits a core's second-level cache."""
@@ -27,7 +29,9 @@ MAX_LINE = 1 << 20
 """Bytes read at once in search of a line's end."""
 
 
-def read_rows(file: BinaryIO, path: Path, header: Header, element: Element, start: int) -> Iterator[F32]:
+def read_rows(
+    file: BinaryIO, path: Path, header: Header, element: Element, start: int, shifts: Shifts | None = None
+) -> Iterator[F32]:
     """Yield the rows of ``element``, which has no lists, in file order.
 
     Parameters
@@ -42,6 +46,8 @@ def read_rows(file: BinaryIO, path: Path, header: Header, element: Element, star
         One of the header's.
     start : int
         Offset in bytes of its first row, as `find_rows` returned it.
+    shifts : mapping of int to float, optional
+        What is subtracted from some columns, by their number, before they become float32.
 
     Yields
     ------
@@ -55,8 +61,8 @@ def read_rows(file: BinaryIO, path: Path, header: Header, element: Element, star
     """
     file.seek(start)
     if header.byte_order:
-        return _binary_rows(file, path, element, header.byte_order)
-    return _text_rows(file, path, element)
+        return _binary_rows(file, path, element, header.byte_order, shifts or {})
+    return _text_rows(file, path, element, shifts or {})
 
 
 def find_rows(file: BinaryIO, path: Path, header: Header, element: Element) -> int:
@@ -87,7 +93,7 @@ def find_rows(file: BinaryIO, path: Path, header: Header, element: Element) -> i
     return position
 
 
-def _binary_rows(file: BinaryIO, path: Path, element: Element, byte_order: str) -> Iterator[F32]:
+def _binary_rows(file: BinaryIO, path: Path, element: Element, byte_order: str, shifts: Shifts) -> Iterator[F32]:
     record = np.dtype([(prop.name, byte_order + prop.code) for prop in element.properties])
     all_float = all(prop.code == "f4" for prop in element.properties)
     for part in chunks(element.count, _chunk_rows(element)):
@@ -102,43 +108,60 @@ def _binary_rows(file: BinaryIO, path: Path, element: Element, byte_order: str) 
             rows = np.empty((n, len(element.properties)), np.float32)
             with np.errstate(over="ignore", invalid="ignore"):  # a double may overflow to inf: dropped later
                 for column, prop in enumerate(element.properties):
-                    rows[:, column] = buffer[prop.name]
+                    values = buffer[prop.name]
+                    rows[:, column] = values - np.float64(shifts[column]) if column in shifts else values
             yield rows
 
 
-def _text_rows(file: BinaryIO, path: Path, element: Element) -> Iterator[F32]:
+def _text_rows(file: BinaryIO, path: Path, element: Element, shifts: Shifts) -> Iterator[F32]:
     size, columns = _chunk_rows(element), len(element.properties)
     for first in range(0, element.count, size):
         lines: list[list[bytes]] = []
         start = file.tell()
         for row in range(first, min(first + size, element.count)):
-            words = file.readline(MAX_LINE).split()
+            line, words = _next_row(file)
             if len(words) != columns:
-                if not words and not file.read(1):
+                if not line:
                     raise _ended(path, element, row, file.tell())
                 problem = f"row {row} of {shown(element.name)} has {len(words)} values, expected {columns}"
-                raise CorruptFileError(path, f"{problem}; the file is damaged, fetch it again", file.tell())
+                commas = b"," in line or b";" in line
+                cure = "put spaces between them" if commas else "the file is damaged, fetch it again"
+                raise CorruptFileError(path, f"{problem}; {cure}", file.tell())
             lines.append(words)
         try:
             with np.errstate(over="ignore", invalid="ignore"):
                 # One by one: an array of words would give each the room of the longest.
-                rows = np.array([[*map(float, words)] for words in lines]).astype(np.float32)
+                values = np.array(numbers(lines))
+                for column, shift in shifts.items():
+                    values[:, column] -= shift
+                rows = values.astype(np.float32)
         except ValueError as error:
+            row, word = first_other(lines)
             problem = (
-                f"rows {first} to {first + len(lines) - 1} of {shown(element.name)} hold a word that is no number"
+                f"row {first + row} of {shown(element.name)} holds a word that is no number, {shown(word, 24)}"
             )
-            raise CorruptFileError(path, f"{problem}; the file is damaged, fetch it again", start) from error
+            cure = "write decimals with a point" if b"," in word else "the file is damaged, fetch it again"
+            raise CorruptFileError(path, f"{problem}; {cure}", start) from error
         yield rows
+
+
+def _next_row(file: BinaryIO) -> tuple[bytes, list[bytes]]:
+    """Return the next line that is not empty and no comment, and its words; nothing at the end of the file."""
+    while True:
+        line = file.readline(MAX_LINE)
+        words = line.split()
+        if not line or (words and words[0] != b"comment"):
+            return line, words
 
 
 def _skip_lines(file: BinaryIO, path: Path, element: Element, position: int) -> int:
     file.seek(position)
-    for row in range(element.count):
-        line = file.readline(MAX_LINE)
-        while len(line) == MAX_LINE and not line.endswith(b"\n"):
-            line = file.readline(MAX_LINE)
+    for row in range(element.count if element.properties else 0):
+        line, _ = _next_row(file)
         if not line:
             raise _ended(path, element, row, file.tell())
+        while len(line) == MAX_LINE and not line.endswith(b"\n"):
+            line = file.readline(MAX_LINE)
     return file.tell()
 
 

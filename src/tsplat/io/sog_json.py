@@ -72,8 +72,8 @@ class Fields:
             raise self.wrong(name, "the name of a file inside the scene's folder")
         return value
 
-    def numbers(self, name: str, low: int, high: int) -> F64:
-        """Return a list of so many finite numbers; a lone number is a list of one."""
+    def numbers(self, name: str, low: int, high: int, *, infinite: bool = False) -> F64:
+        """Return a list of so many finite numbers, or infinite ones as well; a lone number is a list of one."""
         value = self.values.get(name)
         numbers = value if isinstance(value, list) else [value]
         expected = f"{low} to {high} finite numbers" if low < high else f"{low} finite numbers"
@@ -83,7 +83,7 @@ class Fields:
             array = np.array(numbers, np.float64)
         except OverflowError as error:
             raise self.wrong(name, expected) from error
-        if not np.isfinite(array).all():
+        if not (~np.isnan(array) if infinite else np.isfinite(array)).all():
             raise self.wrong(name, expected)
         return array
 

@@ -98,7 +98,9 @@ def parse_meta(fields: Fields) -> Meta:
         fields.count("version", 1, 2)
     if fields.values.get("version") == 2:
         count = fields.count("count", 0, PIXELS_MAX)
-        scale_values, sh0_values = (np.tile(_codebook(each), (3, 1)) for each in (scales, sh0))
+        # A log scale may be minus infinity.
+        scale_values = np.tile(_codebook(scales, infinite=True), (3, 1))
+        sh0_values = np.tile(_codebook(sh0), (3, 1))
         opacity_values = np.arange(LEVELS) / (LEVELS - 1)
         palette = _palette(fields.inner("shN")) if fields.has("shN") else None
     else:
@@ -116,13 +118,13 @@ def parse_meta(fields: Fields) -> Meta:
     return Meta(count, *planes, mins, maxs, scale_values, sh0_values, opacity_values, palette, antialiased)
 
 
-def _codebook(fields: Fields) -> F64:
+def _codebook(fields: Fields, *, infinite: bool = False) -> F64:
     codebook = fields.values.get("codebook")
     if isinstance(codebook, list) and len(codebook) == LEVELS and codebook[0] is None:
         # Some releases of the writer lost the first entry; it goes on from the second as the others do on average.
         rest = Fields(fields.corrupt, {"codebook": codebook[1:]}, fields.where).numbers("codebook", 255, 255)
         return np.concatenate(([rest[0] + (rest[0] - rest[-1]) / (LEVELS - 1)], rest))
-    return fields.numbers("codebook", 1, LEVELS)
+    return fields.numbers("codebook", 1, LEVELS, infinite=infinite)
 
 
 def _palette(fields: Fields) -> Palette | None:

@@ -10,13 +10,16 @@ import io
 import json
 import math
 import zipfile
+from dataclasses import replace
 from typing import Any, BinaryIO
 
 import numpy as np
 import numpy.typing as npt
 
+from tsplat.framing import Bulk, bulk
 from tsplat.importance import importance
 from tsplat.io.compressed_ply_write import morton_order
+from tsplat.io.losses import brought_nearer, counted, too_far
 from tsplat.io.sog import META_NAME
 from tsplat.io.sog_codebook import fit_codebook, nearest_levels
 from tsplat.io.sog_meta import ANTIALIASED, PALETTE_MAX
@@ -25,11 +28,18 @@ from tsplat.io.sog_splats import COEFFICIENTS, QUAT_TAG, ROW_CENTROIDS
 from tsplat.scene import Gaussians
 
 F32 = npt.NDArray[np.float32]
+F64 = npt.NDArray[np.float64]
 U8 = npt.NDArray[np.uint8]
 Planes = dict[str, bytes]
 Field = dict[str, Any]
 
 MEANS_STEPS = 0xFFFF
+
+ROOM = 4.0
+"""Radii of the bulk about its middle in which everything keeps its place."""
+
+LEAST_STEPS = 1024
+"""The bulk has at least so many steps to a radius: 0.1 pixels in a picture of 240 rows."""
 
 BANDS_MAX = 3
 
@@ -45,13 +55,19 @@ LEAST_WEIGHT = 0.01
 """What every value weighs beside its share, where 1 is the mean: small splats have scales and colours, too."""
 
 
-def write(file: BinaryIO, gaussians: Gaussians) -> None:
-    """Write a zipped SOG.
+def write(file: BinaryIO, gaussians: Gaussians) -> list[str]:
+    """Write a zipped SOG, and return what of its range is cut.
 
     Values become the nearest that a byte or two can hold. Beyond degree 0, up to 65536 colours
     stand for all others; what is beyond degree 3 is left out.
     """
-    scene = gaussians.take(morton_order(gaussians.means))
+    box = bulk(gaussians)
+    low, high = _bounds(gaussians.means, box)
+    far = too_far(gaussians, low, high)
+    problem = "far away are brought nearer, and made smaller by as much: else the bulk would lose detail"
+    losses = counted(far, problem)
+    scene = brought_nearer(gaussians, box, low, high) if far.any() else gaussians
+    scene = replace(scene, extra=None).take(morton_order(scene.means))
     planes: Planes = {}
     meta: Field = {
         "version": 2,
@@ -70,10 +86,31 @@ def write(file: BinaryIO, gaussians: Gaussians) -> None:
         for name, content in {META_NAME: json.dumps(meta).encode(), **planes}.items():
             # An entry without a time: the same scene makes the same bytes.
             archive.writestr(zipfile.ZipInfo(name), content)
+    return losses
+
+
+def _bounds(means: F32, box: Bulk) -> tuple[F64, F64]:
+    """Return the box in which steps are fine enough for the bulk: around everything, unless that is too much."""
+    if not len(means):
+        return box.low, box.high
+    inner = _logs(np.stack([box.center - ROOM * box.radius, box.center + ROOM * box.radius]))
+    # A step is as much longer as the coordinate, and 1, at which it is.
+    most = MEANS_STEPS / LEAST_STEPS * box.radius / (1.0 + np.abs(box.center) + box.radius)
+    spare = np.maximum(most - (inner[1] - inner[0]), 0.0) / 2.0
+    all_logs = _logs(np.stack([means.min(axis=0), means.max(axis=0)]))
+    fits = all_logs[1] - all_logs[0] <= most
+    low, high = np.where(fits, all_logs[0], inner[0] - spare), np.where(fits, all_logs[1], inner[1] + spare)
+    edges = np.sign([low, high]) * np.expm1(np.abs([low, high]))
+    return np.where(fits, means.min(axis=0), edges[0]), np.where(fits, means.max(axis=0), edges[1])
+
+
+def _logs(means: npt.NDArray[np.floating]) -> F64:
+    logs: F64 = np.sign(means) * np.log1p(np.abs(means.astype(np.float64)))
+    return logs
 
 
 def _add_means(planes: Planes, means: F32) -> Field:
-    logs = np.sign(means) * np.log1p(np.abs(means.astype(np.float64)))
+    logs = _logs(means)
     mins, maxs = (logs.min(axis=0), logs.max(axis=0)) if len(logs) else (np.zeros(3), np.zeros(3))
     steps = np.rint((logs - mins) * (MEANS_STEPS / np.where(maxs > mins, maxs - mins, 1.0))).astype(np.uint16)
     files = [_add_rows(planes, "means_l", steps & 0xFF), _add_rows(planes, "means_u", steps >> 8)]

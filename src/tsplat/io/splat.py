@@ -17,6 +17,7 @@ import numpy.typing as npt
 from tsplat.errors import CorruptFileError
 from tsplat.io.arrays import F32, Arrays, chunks
 from tsplat.io.finish import finish
+from tsplat.io.losses import colors_cut
 from tsplat.io.options import LoadOptions
 from tsplat.io.threads import on_threads
 from tsplat.scene import SH_C0, Gaussians
@@ -76,7 +77,7 @@ def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) ->
     return finish(path, *arrays, max_splats=options.max_splats)
 
 
-def write(file: BinaryIO, gaussians: Gaussians) -> None:
+def write(file: BinaryIO, gaussians: Gaussians) -> list[str]:
     """Write a ``.splat`` in the order of the scene, each value rounded to the nearest that a byte can hold.
 
     What colours change with the view is left out, and a colour is cut to 0 to 1.
@@ -88,6 +89,7 @@ def write(file: BinaryIO, gaussians: Gaussians) -> None:
         records["rgba"][:, 3] = _bytes(gaussians.opacities[part] * 255.0)
         records["quats"] = _bytes((gaussians.quats[part] + 1.0) * QUAT_STEPS)
         file.write(records.tobytes())
+    return colors_cut(gaussians, slice(1), 0.5 / SH_C0, "colours outside of 0 to 1")
 
 
 def decode_rgba(rgba: U8, out: Arrays) -> None:

@@ -158,16 +158,16 @@ def fill(
     on_threads(decode_piece, pieces())
 
 
-def write(file: BinaryIO, gaussians: Gaussians) -> None:
+def write(file: BinaryIO, gaussians: Gaussians) -> list[str]:
     """Write an SPZ of version 3, in the axes of the format.
 
-    Values become the nearest that a byte or three can hold.
+    Values become the nearest that a byte or three can hold; returns what of their range that cuts.
 
     Raises
     ------
     SaveError
-        A mean is too far out for 24 bits.
+        The bulk of the scene is too far out for 24 bits.
     """
     from tsplat.io.spz_encode import write_spz
 
-    write_spz(file, gaussians)
+    return write_spz(file, gaussians)

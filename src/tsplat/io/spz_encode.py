@@ -15,7 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from tsplat.errors import SaveError
+from tsplat.framing import Bulk, bulk
 from tsplat.importance import area
+from tsplat.io.losses import brought_nearer, colors_cut, counted, sigmas_cut, too_far
 from tsplat.io.spz_decode import (
     COLOUR_SCALE,
     MEANS_SIGNS,
@@ -49,25 +51,66 @@ GREY = 0.5
 MOST_GAIN = 2.0
 """Opacities grow by no more than this: a splat too small for the format is not made a wall."""
 
+ROOM = 4.0
+"""Radii of the bulk about its middle in which everything keeps its place."""
+
+LEAST_STEPS, SPARE_BITS = 13, 3
+"""The bulk has at least two to this many steps to a radius, 0.03 pixels in a picture of 240 rows; and where splats
+farther out have to give way, so many more bits."""
+
 REACH_STEPS = 16
 """A small scene gets more bits, until the farthest mean is at least two to this many steps from the origin."""
 
 
-def write_spz(file: BinaryIO, gaussians: Gaussians) -> None:
-    """Write a scene, turned from the axes of a PLY to those of the format.
+def write_spz(file: BinaryIO, gaussians: Gaussians) -> list[str]:
+    """Write a scene, turned from the axes of a PLY to those of the format; return what of its range is cut.
 
     Raises
     ------
     SaveError
-        A mean is too far out for 24 bits.
+        The bulk of the scene is too far out for 24 bits.
     """
-    bits = fractional_bits(float(np.abs(gaussians.means).max(initial=0)))
+    box = bulk(gaussians)
+    bits = chosen_bits(float(np.abs(gaussians.means).max(initial=0)), box)
+    losses = colors_cut(gaussians, slice(1, SH_COEFFICIENTS[SH_DEGREE_MAX]), 1.0, "harmonics beyond 1")
+    limit = np.full(3, ((1 << 23) - 1) / 2.0**bits)
+    far = too_far(gaussians, -limit, limit)
+    if far.any():
+        problem = "are brought nearer, and made smaller by as much: farther than"
+        losses += counted(far, f"{problem} {limit[0]:.6g} from the origin, the bulk would lose detail")
+        gaussians = brought_nearer(gaussians, box, -limit, limit)
+    losses += sigmas_cut(gaussians, box, float(SCALES[0]), float(SCALES[-1]))
     # No name and no time: the same scene makes the same bytes.
     with gzip.GzipFile("", "wb", GZIP_LEVEL, file, mtime=0) as stream:
         degree, flags = min(gaussians.sh_degree, SH_DEGREE_MAX), ANTIALIASED if gaussians.antialiased else 0
         stream.write(HEADER.pack(MAGIC, VERSION, len(gaussians), degree, bits, flags, 0))
         for encoded in _streams(gaussians, bits):
             stream.write(encoded)
+    return losses
+
+
+def chosen_bits(reach: float, box: Bulk) -> int:
+    """Return how many bits of a mean lie behind the point: all fit, unless that costs the bulk its detail.
+
+    Parameters
+    ----------
+    reach : float
+        Size of the largest coordinate.
+    box : Bulk
+        Of the scene.
+    """
+    inside = float(np.abs(box.center).max()) + ROOM * box.radius
+    if reach <= inside:
+        return fractional_bits(reach)
+    needed = LEAST_STEPS - math.frexp(box.radius)[1]
+    try:
+        bits = fractional_bits(reach)
+    except SaveError:
+        bits = 0
+    if bits >= needed:
+        return bits
+    # Such that what is brought nearer takes the same bits when it is saved again.
+    return min(fractional_bits(inside), FRACTIONAL_BITS if needed <= FRACTIONAL_BITS else needed + SPARE_BITS)
 
 
 def fractional_bits(reach: float) -> int:

@@ -22,6 +22,7 @@ from tsplat.errors import CorruptFileError, LoadError, LoadWarning
 from tsplat.io.cameras import load_cameras
 from tsplat.io.sources import is_elsewhere
 from tsplat.io.transforms import load_lenses
+from tsplat.scene import Vector
 from tsplat.train_views import TrainViews
 
 LEVELS_UP = 3
@@ -63,7 +64,7 @@ def train_focal_beside(scene_path: str | Path) -> float | None:
     return training_beside(scene_path).focal
 
 
-def training_beside(scene_path: str | Path) -> Training:
+def training_beside(scene_path: str | Path, origin: Vector | None = None) -> Training:
     """Return what the list of training images tells that lies beside a scene or up to three folders above.
 
     Parameters
@@ -71,6 +72,8 @@ def training_beside(scene_path: str | Path) -> Training:
     scene_path : str or Path
         The scene. The nearest folder counts that has a ``cameras.json``, ``transforms.json`` or
         ``transforms_train.json``, in this order.
+    origin : tuple of 3 floats, optional
+        Of the scene, as in `Gaussians`: cameras are listed where they are in the world.
 
     Returns
     -------
@@ -88,7 +91,7 @@ def training_beside(scene_path: str | Path) -> Training:
     if path is None:
         return Training()
     try:
-        return _training(path)
+        return _training(path, origin)
     except MemoryError:
         error = LoadError(path, "needs more memory than there is")
     except LoadError as broken:
@@ -107,8 +110,8 @@ def _nearest_list(scene_path: Path) -> Path | None:
     return None
 
 
-def _training(path: Path) -> Training:
-    focals, views = SOURCES[path.name](path)
+def _training(path: Path, origin: Vector | None) -> Training:
+    focals, views = SOURCES[path.name](path, origin or (0.0, 0.0, 0.0))
     if not focals:
         return Training()
     focal, (least, most) = statistics.median(focals), FOCALS
@@ -122,7 +125,7 @@ Listed = tuple[list[float], TrainViews | None]
 """Focal lengths and what was in view."""
 
 
-def _of_cameras(path: Path) -> Listed:
+def _of_cameras(path: Path, origin: Vector) -> Listed:
     arguments = _arguments(path.parent)
     folder = re.search(r"\bimages='([^']*)'", arguments)
     resolution = re.search(r"\bresolution=(-?\d{1,6})\b", arguments)
@@ -131,7 +134,7 @@ def _of_cameras(path: Path) -> Listed:
     sizes = [(each.K[0, 0].item(), each.width / divisor) for each in cameras]
     asked = int(resolution[1]) if resolution else -1
     focals = [focal / divisor * _trained_width(width, asked) / width for focal, width in sizes]
-    return focals, TrainViews.of(cameras)
+    return focals, TrainViews.of([camera.shifted(origin) for camera in cameras])
 
 
 def _arguments(folder: Path) -> str:
@@ -166,18 +169,18 @@ def _trained_width(width: float, resolution: int) -> float:
     return float(resolution) if resolution > 0 else min(width, WIDEST)
 
 
-def _of_nerf(path: Path) -> Listed:
+def _of_nerf(path: Path, _: Vector) -> Listed:
     return [lens.focal * _trained_width(lens.width, -1) / lens.width for lens in load_lenses(path)], None
 
 
-def _of_nerfstudio(path: Path) -> Listed:
+def _of_nerfstudio(path: Path, _: Vector) -> Listed:
     def halvings(side: float) -> int:
         return max(0, math.ceil(math.log2(side / WIDEST)))
 
     return [lens.focal / 2 ** halvings(max(lens.width, lens.height)) for lens in load_lenses(path)], None
 
 
-SOURCES: dict[str, Callable[[Path], Listed]] = {
+SOURCES: dict[str, Callable[[Path, Vector], Listed]] = {
     "cameras.json": _of_cameras,
     "transforms.json": _of_nerfstudio,
     "transforms_train.json": _of_nerf,

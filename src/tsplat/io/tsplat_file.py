@@ -17,9 +17,18 @@ import numpy.typing as npt
 from tsplat.errors import CorruptFileError, SceneError
 from tsplat.importance import importance, most_important
 from tsplat.io.options import LoadOptions
-from tsplat.io.tsplat_header import Counts, Header, Section, header_bytes, nbytes_of, next_section, packed
+from tsplat.io.tsplat_header import (
+    OPTIONAL,
+    Counts,
+    Header,
+    Section,
+    header_bytes,
+    nbytes_of,
+    next_section,
+    packed,
+)
 from tsplat.io.tsplat_map import Array, Opened, matches, open_file
-from tsplat.scene import Gaussians
+from tsplat.scene import Gaussians, Vector
 
 __all__ = ["matches", "read", "write"]
 
@@ -114,12 +123,21 @@ def _checked(opened: Opened, means: F32, quats: F32, scales: F32, opacities: F32
     # The quats are of unit length; dividing by it once more would change their last bits, and the picture's.
     try:
         with np.errstate(all="ignore"), warnings.catch_warnings():
-            gaussians = Gaussians(means, quats, scales, opacities, sh, opened.header.antialiased)
+            about = opened.header.antialiased, _vector(opened, "up"), _vector(opened, "origin")
+            gaussians = Gaussians(means, quats, scales, opacities, sh, *about)
             if not (np.abs(np.einsum("ij,ij->i", quats, quats) - 1.0) < LENGTH_ERROR).all():
                 raise SceneError("quats must be of unit length")
             return gaussians
     except SceneError as error:
         raise CorruptFileError(opened.path, f"{error}; make the file again with tsplat optimize") from error
+
+
+def _vector(opened: Opened, name: str) -> Vector | None:
+    if name not in opened.header.sections:
+        return None
+    opened.check(name)
+    x, y, z = opened.part(name).tolist()
+    return x, y, z
 
 
 def write(file: BinaryIO, counts: Counts, antialiased: bool, arrays: Mapping[str, Iterable[Array]]) -> None:
@@ -134,12 +152,13 @@ def write(file: BinaryIO, counts: Counts, antialiased: bool, arrays: Mapping[str
     antialiased : bool
         As in `Gaussians`.
     arrays : mapping of str to iterable of ndarray
-        The pieces of each of ``counts.arrays``.
+        The pieces of each of ``counts.arrays``, and maybe some of `OPTIONAL`.
     """
     from isal import isal_zlib
 
-    sections, end = {}, header_bytes(len(counts.arrays))
-    for name, (dtype, length) in counts.arrays.items():
+    kinds = counts.arrays | {name: kind for name, kind in OPTIONAL.items() if name in arrays}
+    sections, end = {}, header_bytes(len(kinds))
+    for name, (dtype, length) in kinds.items():
         offset, checksum, nbytes = next_section(end), 0, 0
         file.seek(offset)
         for piece in arrays[name]:

@@ -96,6 +96,10 @@ class Counts:
         }
 
 
+OPTIONAL = {"origin": ("<f8", 3), "up": ("<f8", 3)}
+"""Sections of scenes that have such, as in `tsplat.scene.Gaussians`; other readers pass over them."""
+
+
 class Section(NamedTuple):
     """Where an array lies in the file, in bytes, and the CRC-32 of it."""
 
@@ -115,7 +119,7 @@ class Header:
     antialiased : bool
         As in `tsplat.scene.Gaussians`.
     sections : mapping of str to Section
-        One for each of ``counts.arrays``.
+        One for each of ``counts.arrays``, and of `OPTIONAL` those that there are.
     """
 
     counts: Counts
@@ -194,8 +198,8 @@ def _sections(path: Path, head: bytes, counts: Counts, size: int) -> dict[str, S
         _expect(path, section.offset % LEAST_ALIGNMENT == 0, f"{lies} a multiple of {LEAST_ALIGNMENT}", at + 16)
         end = section.offset + section.nbytes
         _expect(path, end <= size, f"has section {name!r} up to byte {end}, but ends at {size}", at + 24)
-        if name in wanted:
-            nbytes = nbytes_of(*wanted[name])
+        if name in wanted | OPTIONAL:
+            nbytes = nbytes_of(*(wanted | OPTIONAL)[name])
             _expect(path, section.nbytes == nbytes,
                     f"has section {name!r} of {section.nbytes} bytes, expected {nbytes}", at + 24)  # fmt: skip
             found[name] = section

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tsplat.errors import CorruptFileError
-from tsplat.io.tsplat_header import MAGIC, MOST_SECTIONS, Header, header_bytes, parse
+from tsplat.io.tsplat_header import MAGIC, MOST_SECTIONS, OPTIONAL, Header, header_bytes, parse
 
 Array = npt.NDArray[Any]
 
@@ -82,7 +82,7 @@ class Opened:
         CorruptFileError
             The file became shorter.
         """
-        dtype, length = self.header.counts.arrays[name]
+        dtype, length = (self.header.counts.arrays | OPTIONAL)[name]
         array = np.empty((length if last is None else min(last, length)) - first, np.dtype(dtype))
         self._fill(array.view(np.uint8), self.header.sections[name].offset + first * array.itemsize)
         return array.view(array.dtype.newbyteorder("="))
@@ -184,8 +184,8 @@ def open_mapped(path: Path) -> Mapped:
             raise _shorter(path, stamp.nbytes) from error
         on_error.pop_all()
     raw, arrays = np.frombuffer(memory, np.uint8), {}
-    for name, (dtype, _) in header.counts.arrays.items():
-        section = header.sections[name]
+    for name, section in header.sections.items():
+        dtype, _ = (header.counts.arrays | OPTIONAL)[name]
         part = raw[section.offset : section.offset + section.nbytes]
         arrays[name] = part.view(np.dtype(dtype).newbyteorder("="))
     mapped = Mapped(path, header, file, stamp, arrays, memory)

@@ -71,16 +71,19 @@ def _merged(gaussians: Gaussians, count: int, threads: int, progress: Callable[[
     while (left := len(level.means)) > 2 * count:
         level = coarser(level, threads)
         progress(1.0 - left / len(gaussians))
-    return _gaussians_of(coarser(level, threads, count), gaussians.antialiased)
+    return _gaussians_of(coarser(level, threads, count), gaussians)
 
 
-def _gaussians_of(level: Level, antialiased: bool) -> Gaussians:
+def _gaussians_of(level: Level, source: Gaussians) -> Gaussians:
     n = len(level.means)
     quats, scales = np.empty((n, 4), np.float32), np.empty((n, 3), np.float32)
     for first in range(0, n, CHUNK):
         part = slice(first, first + CHUNK)
         quats[part], scales[part] = principal_axes(level.covars[part])
-    return Gaussians(level.means, quats, scales, level.opacities, level.sh, antialiased)
+    extra = source.extra and source.extra.of_others(n, "their splats were merged")
+    return Gaussians(
+        level.means, quats, scales, level.opacities, level.sh, source.antialiased, source.up, source.origin, extra
+    )
 
 
 def principal_axes(covars: F32) -> tuple[F64, F64]:

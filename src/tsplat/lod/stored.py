@@ -189,4 +189,7 @@ def write_tree(file: BinaryIO, gaussians: Gaussians, tree: Hierarchy, order: Ord
         "opacities": ordered(gaussians.opacities),
         "sh_first": ordered(gaussians.sh[:, 0]),
     }
+    for name, vector in (("origin", gaussians.origin), ("up", gaussians.up)):
+        if vector:
+            arrays[name] = [np.array(vector)]
     tsplat_file.write(file, counts_of(gaussians), gaussians.antialiased, arrays)

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tsplat.edit.kd_tree import LEAF, kd_tree
-from tsplat.edit.neighbours import mean_gaps
+from tsplat.kd_tree import LEAF, kd_tree
+from tsplat.neighbours import mean_gaps
 
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]

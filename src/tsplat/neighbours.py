@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tsplat._jit import kernel, part
-from tsplat.edit.kd_tree import Tree, kd_tree
+from tsplat.kd_tree import Tree, kd_tree
 from tsplat.processors import available_processors
 
 F32 = npt.NDArray[np.float32]
