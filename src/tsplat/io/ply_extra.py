@@ -152,7 +152,9 @@ def _rows_with_lists(file: BinaryIO, path: Path, header: Header, element: Elemen
             raw = file.read(count * kind.itemsize)
             values = np.frombuffer(raw[: len(raw) // kind.itemsize * kind.itemsize], kind)
         else:
-            values = np.array([_number(word) for _, word in zip(range(count), words, strict=False)]).astype(kind)
+            numbers = np.array([_number(word) for _, word in zip(range(count), words, strict=False)])
+            with np.errstate(invalid="ignore", over="ignore"):
+                values = numbers.astype(kind)
         if len(values) < count:
             raise _ended(path, element, row, file)
         return values.astype("<" + code)
