@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import pickle
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
+from tests.raster.compare import psnr
 from tests.scenes import random_gaussians
-from tsplat import edit
+from tsplat import cli, edit, io
 from tsplat.camera import Camera
 from tsplat.errors import LoadWarning, SceneError
 from tsplat.framing import bulk
@@ -138,3 +142,42 @@ def test_an_ordinary_scene_that_is_placed_again_stays_as_it_is() -> None:
     twin = placed(CLOUD, world_means(CLOUD))
     assert twin.origin is None
     np.testing.assert_array_equal(twin.means, CLOUD.means)
+
+
+def test_a_person_says_places_in_the_world(tmp_path: Path) -> None:
+    pictures: list[npt.NDArray[np.float32]] = []
+    for scene, at in ((CLOUD, np.zeros(3)), (far(), UTM)):
+        path = io.save(tmp_path / f"{len(pictures)}.ply", scene)
+        eye, target = (" ".join(map(str, at + place)) for place in ((0.5, -0.2, -4.0), (0.1, 0.0, 0.2)))
+        out = tmp_path / f"{len(pictures)}.npy"
+        command = [
+            "render",
+            str(path),
+            "-o",
+            str(out),
+            "--width",
+            "80",
+            "--height",
+            "60",
+            "--antialias",
+            "classic",
+        ]
+        assert cli.main([*command, "--up=0,-1,0", f"--eye={eye}", f"--target={target}"]) == 0
+        pictures.append(np.load(out))
+    assert np.ptp(pictures[0]) > 0.5
+    assert psnr(*pictures) > 60.0
+
+
+def test_training_cameras_are_where_the_world_has_them(tmp_path: Path) -> None:
+    camera = {"width": 100, "height": 80, "fx": 90.0, "fy": 90.0, "rotation": np.eye(3).tolist()}
+    views = []
+    for at, origin in ((np.zeros(3), None), (UTM, (448300.0, 5411000.0, 300.0))):
+        cameras = [camera | {"position": (at + place).tolist()} for place in ((0, 0, -4), (1, 2, -3))]
+        (tmp_path / "cameras.json").write_text(json.dumps(cameras))
+        views.append(io.training_beside(tmp_path / "scene.ply", origin).views)
+    here, there = views
+    assert here
+    assert there
+    place = np.array([0.3, 0.1, 0.5])
+    local = np.append(place + UTM - (448300.0, 5411000.0, 300.0), 1.0)
+    np.testing.assert_allclose(there.frusta @ local, here.frusta @ np.append(place, 1.0), atol=1e-4)

@@ -26,7 +26,7 @@ SPARE_BYTES = 8 << 20
 
 OPTIONS: tuple[dict[str, Any], ...] = (
     *({}, {"max_splats": 2}, {"raw_opacity": True}),
-    {"max_splats": 1000, "spz_frame": "rdf", "lod": None},
+    {"max_splats": 1000, "spz_frame": "rdf", "lod": None, "extra": True},
 )
 """What may be asked of `load` for any file."""
 

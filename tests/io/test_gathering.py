@@ -172,6 +172,7 @@ def peak(read: Callable[[], Gaussians]) -> tuple[Gaussians, int]:
 
 @pytest.mark.parametrize("limit", [None, 25_000])
 @pytest.mark.parametrize("suffix", [*SAVED, "sog", "ksplat"])
+@pytest.mark.filterwarnings("ignore::tsplat.errors.SaveWarning")  # a .splat has no harmonics
 def test_a_reader_holds_a_scene_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str, limit: int | None
 ) -> None:

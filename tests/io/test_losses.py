@@ -49,6 +49,17 @@ def with_sigma(value: float) -> Callable[[Gaussians], Gaussians]:
     return change
 
 
+def with_color(value: float) -> Callable[[Gaussians], Gaussians]:
+    """Return what gives one splat, a small one, such a colour."""
+
+    def change(scene: Gaussians) -> Gaussians:
+        sh, scales, opacities = scene.sh.copy(), scene.scales.copy(), scene.opacities.copy()
+        sh[7], scales[7], opacities[7] = value, 0.005, 0.9
+        return replace(scene, sh=sh, scales=scales, opacities=opacities)
+
+    return change
+
+
 def with_colors(scene: Gaussians) -> Gaussians:
     return replace(scene, sh=4.0 * scene.sh)
 
@@ -66,6 +77,7 @@ CASES: dict[str, Callable[[Gaussians], Gaussians]] = {
     "millimetres and a floater": lambda scene: with_floaters((0, 1e5, 0))(edit.scale(scene, 1e-3)),
     "a sigma of 1e20": with_sigma(1e20),
     "a sigma of 500": with_sigma(500.0),
+    "a colour of 1e4": with_color(1e4),
 }
 
 SAID = {

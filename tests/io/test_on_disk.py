@@ -25,6 +25,7 @@ def test_a_file_is_what_it_takes() -> None:
     assert look(demo_path()) == OnDisk("PLY", demo_path().stat().st_size, files=1, scenes=1)
 
 
+@pytest.mark.filterwarnings("ignore::tsplat.errors.SaveWarning")  # a .splat has no harmonics
 def test_the_format_is_told_by_the_bytes_and_where_these_fit_two_by_the_name(tmp_path: Path) -> None:
     scene = random_gaussians(np.random.default_rng(1), 300)
     for suffix, name in (

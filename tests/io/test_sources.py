@@ -99,6 +99,7 @@ def same(one: Gaussians, other: Gaussians) -> bool:
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".compressed.ply", ".splat", ".spz", ".sog"])
+@pytest.mark.filterwarnings("ignore::tsplat.errors.SaveWarning")  # a .splat has no harmonics
 def test_a_packed_scene_is_the_scene(tmp_path: Path, suffix: str) -> None:
     content = scene_bytes(tmp_path, suffix)
     plain, packed = tmp_path / f"scene{suffix}", tmp_path / f"scene{suffix}.GZ"
@@ -117,6 +118,7 @@ def test_a_piped_scene_is_the_scene(tmp_path: Path, suffix: str, pack: Callable[
         assert same(io.load(plain), io.load("-"))
 
 
+@pytest.mark.filterwarnings("ignore::tsplat.errors.SaveWarning")  # a .splat has no harmonics
 def test_a_packed_scene_needs_no_suffix_that_says_so(tmp_path: Path) -> None:
     path = tmp_path / "scene.splat"
     path.write_bytes(gzip.compress(scene_bytes(tmp_path, ".splat")))

@@ -34,6 +34,9 @@ Indices = npt.NDArray[np.intp]
 MAX_LOG_SCALE = 20.0
 """Log scales are kept within plus and minus this: one splat without extent would cost its chunk all precision."""
 
+MAX_COLOR = 3.5 / SH_C0
+"""Coefficients of colours are kept within plus and minus this, colours from -3 to 4, for the same reason."""
+
 SH_DEGREE_MAX = 3
 """Other readers of this format know no more."""
 
@@ -47,8 +50,8 @@ MORTON_BITS = 21
 def write(file: BinaryIO, gaussians: Gaussians) -> list[str]:
     """Write a compressed PLY, splats in Morton order, and return what of its range that cuts.
 
-    Harmonics beyond degree 3 are left out, coefficients beyond 4 and scales beyond ``exp(20)``
-    become the nearest that fits. Splats far outside of the bulk have chunks of their own.
+    Harmonics beyond degree 3 are left out, coefficients beyond 4, scales beyond ``exp(20)`` and colours outside of
+    -3 to 4 become the nearest that fits. Splats far outside of the bulk have chunks of their own.
     """
     k, box = min(gaussians.sh.shape[1], SH_COEFFICIENTS[SH_DEGREE_MAX]), bulk(gaussians)
     order, shown = _chunked(gaussians.means, box)
@@ -63,7 +66,8 @@ def write(file: BinaryIO, gaussians: Gaussians) -> list[str]:
         for part in rows:
             file.write(_pack_rest(gaussians.sh[order[part], 1:k]))
     tiny = math.exp(-MAX_LOG_SCALE)
-    losses = colors_cut(gaussians, slice(1, k), SH_RANGE, f"harmonics beyond {SH_RANGE:g}")
+    losses = colors_cut(gaussians, slice(1), MAX_COLOR, "colours outside of -3 to 4")
+    losses += colors_cut(gaussians, slice(1, k), SH_RANGE, f"harmonics beyond {SH_RANGE:g}")
     return sigmas_cut(gaussians, box, tiny, 1.0 / tiny) + losses
 
 
@@ -122,7 +126,7 @@ def _pack_splats(gaussians: Gaussians, block: Indices, shown: npt.NDArray[np.boo
     # The bounds of every chunk of a block, and the words of its splats.
     tiny = math.exp(-MAX_LOG_SCALE)
     scales = np.log(np.clip(gaussians.scales[block], tiny, 1.0 / tiny))
-    colors = gaussians.sh[block, 0] * SH_C0 + 0.5
+    colors = np.clip(gaussians.sh[block, 0], -MAX_COLOR, MAX_COLOR) * SH_C0 + 0.5
     values = np.stack([gaussians.means[block], scales, colors], axis=1).astype(np.float32)
     starts = np.arange(0, len(block), CHUNK)
     low, high = (ends.reduceat(values, starts, axis=0) for ends in (np.minimum, np.maximum))

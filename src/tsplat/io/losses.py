@@ -20,10 +20,10 @@ from tsplat.errors import SaveError, SaveWarning, printable
 from tsplat.extra import Extra, described
 from tsplat.framing import UP_DEFAULT, Bulk
 from tsplat.importance import importance
+from tsplat.io.arrays import chunks
 from tsplat.io.ply_comments import matters
 from tsplat.scene import SH_COEFFICIENTS, Gaussians
 
-F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
@@ -76,17 +76,19 @@ def colors_cut(gaussians: Gaussians, which: slice, limit: float, what: str) -> l
     what : str
         What to call those beyond.
     """
-    sh = gaussians.sh[:, which]
-    rows = np.flatnonzero((np.abs(sh) > limit).any(axis=(1, 2)))
     weights = importance(gaussians.scales, gaussians.opacities).astype(np.float64)
     if len(weights):
         weights = np.minimum(weights, np.quantile(weights, 0.95))  # a backdrop is a few huge splats
-    # The harmonics are orthonormal: the mean square over the sphere is the sum of squares over its area.
-    excess = np.maximum(np.abs(sh[rows].astype(np.float64)) - limit, 0.0)
-    squares = np.minimum(np.square(excess).sum(axis=(1, 2)) / (3.0 * 4.0 * np.pi), 1.0)
-    if squares @ weights[rows] <= SHOWN**2 * weights.sum():
+    count, shown = 0, 0.0
+    for part in chunks(len(weights)):
+        excess = np.maximum(np.abs(gaussians.sh[part, which], dtype=np.float64) - limit, 0.0)
+        # The harmonics are orthonormal: the mean square over the sphere is the sum of squares over its area.
+        squares = np.square(excess).sum(axis=(1, 2)) / (3.0 * 4.0 * np.pi)
+        count += int(np.count_nonzero(squares))
+        shown += float(np.minimum(squares, 1.0) @ weights[part])
+    if shown <= SHOWN**2 * weights.sum():
         return []
-    return [f"{len(rows):,} of {len(sh):,} splats have {what}, and were cut to that"]
+    return [f"{count:,} of {len(weights):,} splats have {what}, and were cut to that"]
 
 
 def sigmas_cut(gaussians: Gaussians, box: Bulk, least: float, most: float) -> list[str]:

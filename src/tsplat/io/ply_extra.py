@@ -21,8 +21,8 @@ Array = npt.NDArray[Any]
 INDICES = {"vertex_index", "vertex_indices", "vertex1", "vertex2", "vertex_id"}
 """Properties that name vertices by their numbers."""
 
-CONSUMED = {"filter_3D"}
-"""Columns that become part of the splats, and must not be applied to them again."""
+FILTER = "filter_3D"
+"""Ends the name of a column that becomes part of the splats, and must not be applied to them again."""
 
 COLORS = {"red", "green", "blue"}
 """Part of the splats where these have no other colours."""
@@ -74,8 +74,8 @@ def column_lines(columns: Array) -> list[str]:
 
 
 def _columns(file: BinaryIO, path: Path, header: Header, vertex: Element, used: Collection[str]) -> Array:
-    ours = CONSUMED | (set() if "f_dc_0" in vertex.names else COLORS)
-    own = [prop for prop in vertex.properties if prop.name not in used and prop.name not in ours]
+    ours = {*used} if "f_dc_0" in vertex.names else {*used, *COLORS}
+    own = [prop for prop in vertex.properties if prop.name not in ours and not prop.name.endswith(FILTER)]
     columns = np.empty(vertex.count, [(prop.name, "<" + prop.code) for prop in own])
     if not own:
         return columns
@@ -152,7 +152,9 @@ def _rows_with_lists(file: BinaryIO, path: Path, header: Header, element: Elemen
             raw = file.read(count * kind.itemsize)
             values = np.frombuffer(raw[: len(raw) // kind.itemsize * kind.itemsize], kind)
         else:
-            values = np.array([_number(word) for _, word in zip(range(count), words, strict=False)]).astype(kind)
+            numbers = np.array([_number(word) for _, word in zip(range(count), words, strict=False)])
+            with np.errstate(invalid="ignore", over="ignore"):
+                values = numbers.astype(kind)
         if len(values) < count:
             raise _ended(path, element, row, file)
         return values.astype("<" + code)
