@@ -165,11 +165,11 @@ def test_halves_that_are_no_numbers_are_left_out(tmp_path: Path) -> None:
     assert gaussians.means.tolist() == [[1.5, 2.0, -65504.0]]
 
 
-def test_what_extensions_append_is_passed_over_with_a_warning(tmp_path: Path) -> None:
-    raw = bare(some_splats(3, 1), 3, 1, flags=3)
-    new = framed(some_splats(4, 1), 4, 1, flags=3, between=bytes(12))
+def test_what_unknown_flags_announce_is_passed_over_with_a_warning(tmp_path: Path) -> None:
+    raw = bare(some_splats(3, 1), 3, 1, flags=0x81)
+    new = framed(some_splats(4, 1), 4, 1, flags=0x81, between=bytes(12))
     for file in (zipped(raw + bytes(100_000)), raw + bytes(99), new):
-        with pytest.warns(LoadWarning, match="flags 0x3 announce extensions") as caught:
+        with pytest.warns(LoadWarning, match="flags 0x80 are not known here") as caught:
             assert len(load_bytes(tmp_path, file)) == 5
         assert caught[0].filename == __file__, "the warning points at the caller of load"
 

@@ -14,7 +14,7 @@ from tsplat.errors import LoadError, OptionError, SaveError
 from tsplat.files import replacing
 from tsplat.io.cameras import TrainingCamera, load_cameras
 from tsplat.io.formats import FORMATS, HEAD_BYTES, find_format
-from tsplat.io.options import LoadOptions, SpzFrame
+from tsplat.io.options import LoadOptions
 from tsplat.io.sources import local_file
 from tsplat.io.train_focal import train_focal_beside, training_beside
 from tsplat.scene import Gaussians
@@ -30,8 +30,9 @@ def load(
     *,
     max_splats: int | None = None,
     raw_opacity: bool = False,
-    spz_frame: SpzFrame = "rub",
+    spz_frame: str | None = None,
     lod: int | None = 0,
+    format: str | None = None,
     progress: Callable[[float], None] | None = None,
     fetched: Callable[[int, int | None], None] | None = None,
 ) -> Gaussians:
@@ -48,10 +49,14 @@ def load(
         Keep at most this many, those with the largest opacity times area; by default all.
     raw_opacity : bool
         A PLY holds opacities from 0 to 1 where others hold logits.
-    spz_frame : {"rub", "rdf"}
-        The axes of an SPZ: right, up, back by its specification; some writers keep a PLY's right, down, front.
+    spz_frame : str, optional
+        The axes of an SPZ, one of `tsplat.io.options.SPZ_FRAMES`. By default those that it says, else ``rub``:
+        right, up, back, as specified. Some writers keep a PLY's ``rdf`` and do not say so.
     lod : int, optional
         Which level of detail of a streamed scene, 0 the finest; None for all of them, one over the other.
+    format : str, optional
+        Read the file as one of `tsplat.io.options.FORMAT_NAMES`; by default as what its first bytes say, else its
+        name.
     progress : callable, optional
         Called with the fraction done, growing from 0 to 1.
     fetched : callable, optional
@@ -75,9 +80,9 @@ def load(
     LoadWarning
         Splats were left out or mended; the text says how many.
     """
-    options = LoadOptions(max_splats, raw_opacity, spz_frame, lod)
+    options = LoadOptions(max_splats, raw_opacity, spz_frame, lod, format)
     with local_file(path, lod, progress or (lambda _: None), fetched or (lambda *_: None)) as (local, reading):
-        known = find_format(_head(local), local.name)
+        known = find_format(b"", f".{format}") if format else find_format(_head(local), local.name)
         if known is None:
             names = ", ".join(f"{known.name} ({', '.join(known.suffixes)})" for known in FORMATS)
             raise LoadError(local, f"is of no known format, expected {names}; convert it first", 0)
