@@ -94,10 +94,10 @@ def open_scene(
 
     Where all its ``levels`` are of use, a streamed one comes with them, the coarsest first.
     """
-    from tsplat.io.sources import is_elsewhere
+    from tsplat.io.sources import is_elsewhere, settled
     from tsplat.io.tsplat_map import is_tsplat
 
-    source = scene_source(scene)
+    source, _ = settled(scene_source(scene))
     if how["max_splats"] is None and not how["lod"] and how.get("format") in (None, "sog", "tsplat"):
         if not is_elsewhere(source) and is_tsplat(Path(source)):
             from tsplat.lod import open_stored

@@ -228,7 +228,7 @@ LIARS = {
     "SH degree": (zipped(head(0, 3, 5)), "at byte 12: has SH degree 5, expected 0 to 4"),
     "fractional bits": (zipped(head(0, 3, 0, bits=25)), "at byte 13: has 25 fractional bits, expected 0 to 24"),
     "not the magic": (zipped(b"NGSX" + head(0, 3, 0)[4:]), "at byte 0: begins with b'NGSX', expected b'NGSP'"),
-    "no magic at all": (b"hello, this is text", "at byte 0: begins with b'hell', expected b'NGSP' or gzip"),
+    "no magic at all": (b"hello" + bytes(15), "at byte 0: begins with b'hell', expected b'NGSP' or gzip"),
     "no deflate": (b"\x1f\x8b\x08" + bytes(7) + b"\xff" * 99, "does not unpack"),
     "wrong checksum": (whole_file(3)[:-8] + bytes(8), "does not unpack"),
 }

@@ -10,11 +10,12 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
-from tsplat.errors import LoadError, OptionError, SaveError
+from tsplat.errors import OptionError, SaveError
 from tsplat.files import replacing
 from tsplat.io.cameras import TrainingCamera, load_cameras
-from tsplat.io.formats import FORMATS, HEAD_BYTES, find_format
+from tsplat.io.formats import FORMATS, find_format
 from tsplat.io.options import LoadOptions
+from tsplat.io.recognition import recognized
 from tsplat.io.sources import local_file
 from tsplat.io.train_focal import train_focal_beside, training_beside
 from tsplat.scene import Gaussians
@@ -42,8 +43,9 @@ def load(
     ----------
     path : str or Path
         A splat PLY (little-endian, big-endian, ASCII, or PlayCanvas' compressed PLY), .splat, .ksplat, SPZ, glTF,
-        SOG (zipped, or a meta.json or lod-meta.json with its planes beside it), or an .npz of a gsplat or
-        nerfstudio checkpoint; SH degree 0 to 4. Any of them may be packed with gzip. A str may also be ``-``,
+        SOG (zipped, or a meta.json or lod-meta.json with its planes beside it), gsplat's PNG compression (by its
+        meta.json), or an .npz of a gsplat or nerfstudio checkpoint; SH degree 0 to 4. Any of them may be packed
+        with gzip, or be the one scene in a zip or a folder, such as that of a training. A str may also be ``-``,
         standard input, or an http, https or s3 URL, for which ``pip install "tsplat[remote]"``.
     max_splats : int, optional
         Keep at most this many, those with the largest opacity times area; by default all.
@@ -82,10 +84,7 @@ def load(
     """
     options = LoadOptions(max_splats, raw_opacity, spz_frame, lod, format)
     with local_file(path, lod, progress or (lambda _: None), fetched or (lambda *_: None)) as (local, reading):
-        known = find_format(b"", f".{format}") if format else find_format(_head(local), local.name)
-        if known is None:
-            names = ", ".join(f"{known.name} ({', '.join(known.suffixes)})" for known in FORMATS)
-            raise LoadError(local, f"is of no known format, expected {names}; convert it first", 0)
+        known = recognized(local, format)
         if options.lod and not known.levels:
             raise OptionError(f"lod must be 0 in a scene that is not streamed, got {lod}")
         return known.read(local, options, reading)
@@ -132,13 +131,3 @@ def saving(path: Path) -> Iterator[Callable[[Gaussians], None]]:
 def demo_path() -> Path:
     """Return where the demo scene is: PLAYBOT by Stephane Agullo, CC-BY-4.0; see ``demo.txt`` beside it."""
     return Path(__file__).resolve().parents[1] / "demo.ply"
-
-
-def _head(path: Path) -> bytes:
-    if path.exists() and not path.is_file():
-        raise LoadError(path, "is a folder or a device, expected a file; give the path of a scene")
-    with path.open("rb") as file:
-        head = file.read(HEAD_BYTES)
-    if not head:
-        raise LoadError(path, "is empty, expected a splat scene; fetch it again", 0)
-    return head

@@ -7,7 +7,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Protocol
 
-from tsplat.io import compressed_ply_write, gltf, gltf_write, ksplat, npz, ply, sog, sog_write, splat, spz
+from tsplat.io import (
+    compressed_ply_write,
+    gltf,
+    gltf_write,
+    gsplat_png,
+    ksplat,
+    npz,
+    ply,
+    sog,
+    sog_write,
+    splat,
+    spz,
+)
 from tsplat.io import tsplat_file as tsplat
 from tsplat.io.options import LoadOptions
 from tsplat.scene import Gaussians
@@ -56,6 +68,7 @@ FORMATS = (
     Format("NumPy", (".npz",), npz.matches, npz.read),
     Format("SOG", (".sog",), sog.matches, sog.read, sog_write.write, levels=True),
     Format("SOG", (".json",), sog.matches, sog.read, levels=True),
+    Format("gsplat PNG", (), lambda _: False, gsplat_png.read),
     Format("GLB", (".glb",), gltf.matches_glb, gltf.read, gltf_write.write_glb),
     Format("glTF", (".gltf",), gltf.matches_json, gltf.read, gltf_write.write_gltf),
     Format("SPZ", (".spz",), spz.matches, spz.read, spz.write),
@@ -65,12 +78,17 @@ FORMATS = (
 )
 
 
+def fitting_formats(head: bytes) -> list[Format]:
+    """Return the formats whose files may begin with these bytes."""
+    return [known for known in FORMATS if known.matches(head)]
+
+
 def find_format(head: bytes, name: str) -> Format | None:
     """Return the format of a file, or None.
 
     Its first bytes decide; where they fit several formats or none, the longest ending of its name does.
     """
-    fitting = [known for known in FORMATS if known.matches(head)]
+    fitting = fitting_formats(head)
     ends = [
         (len(suffix), known)
         for known in fitting or FORMATS

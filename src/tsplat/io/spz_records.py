@@ -14,8 +14,8 @@ COORDINATE_SYSTEM = 0xADBE0003
 """The number of the axes, from 1; 0 says nothing."""
 
 LENGTHS = {0xADBE0001: 2, 0xADBE0002: 12, COORDINATE_SYSTEM: 4}
-"""Of the records that are known: how coarse harmonics were rounded, how far a viewer's camera may go, the axes. The
-first two change no splat."""
+"""Of the records that are known: how coarse harmonics were rounded, how far a viewer's camera may go, the axes.
+The first two change no splat."""
 
 SHOWN = 3
 """So many unknown records are named one by one."""

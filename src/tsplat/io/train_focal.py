@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from tsplat.errors import LoadError, LoadWarning
 from tsplat.io.cameras import load_cameras
-from tsplat.io.sources import is_elsewhere
+from tsplat.io.sources import is_elsewhere, settled
 from tsplat.io.transforms import load_lenses
 from tsplat.train_views import TrainViews
 
@@ -61,8 +61,8 @@ def training_beside(scene_path: str | Path) -> Training:
     Parameters
     ----------
     scene_path : str or Path
-        The scene. The nearest folder counts that has a ``cameras.json``, ``transforms.json`` or
-        ``transforms_train.json``, in this order.
+        The scene, or the folder that it is in. The nearest folder counts that has a ``cameras.json``,
+        ``transforms.json`` or ``transforms_train.json``, in this order.
 
     Returns
     -------
@@ -76,7 +76,7 @@ def training_beside(scene_path: str | Path) -> Training:
     """
     if is_elsewhere(scene_path):
         return Training()
-    folder = Path(scene_path).absolute().parent
+    folder = Path(settled(scene_path)[0]).absolute().parent
     places = (each / name for each in (folder, *folder.parents[:LEVELS_UP]) for name in SOURCES)
     path = next((place for place in places if place.is_file()), None)
     if path is None:

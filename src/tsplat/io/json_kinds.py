@@ -1,0 +1,87 @@
+"""Which kind of scene a JSON file is, whatever its name, or what it is instead."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, Literal
+
+from tsplat.io.not_scenes import shown
+from tsplat.io.sog_json import JSON_BYTES
+
+JsonKind = Literal["sog", "gltf", "gsplat"]
+
+MESSAGES = ("error", "errors", "message", "detail", "error_description", "title", "status", "code")
+"""Under one of these keys servers say what went wrong."""
+
+GLTF_KEYS = {"accessors", "bufferViews", "buffers", "meshes", "nodes", "scenes"}
+
+
+def load_json(path: Path) -> Any:
+    """Return what a JSON file holds, or None where it is none or too large to be a list of planes."""
+    try:
+        if path.stat().st_size > JSON_BYTES:
+            return None
+        return json.loads(path.read_bytes())
+    except (ValueError, RecursionError):
+        return None
+
+
+def json_kind(values: Any) -> JsonKind | None:
+    """Return the kind of scene that a JSON describes, or None where it describes none that is known."""
+    if not isinstance(values, dict) or is_tileset(values):
+        return None
+    means = values.get("means")
+    if isinstance(means, dict):
+        return "gsplat" if "files" not in means and "mins" in means else "sog"
+    if "tree" in values and "filenames" in values:
+        return "sog"
+    return "gltf" if isinstance(values.get("asset"), dict) or values.keys() & GLTF_KEYS else None
+
+
+def no_json_scene(values: Any) -> str | None:
+    """Return what a JSON is that describes no scene, and what helps; None where that is not known."""
+    if isinstance(values, list):
+        return _no_scene_list(values)
+    if not isinstance(values, dict):
+        return None
+    if is_tileset(values):
+        uri = _content(values.get("root"))
+        named = f"open what it names, such as {shown(uri)}" if uri else "open the .glb files that it leads to"
+        return f"is a tileset of 3D Tiles, a list of scenes and no scene; {named}"
+    if "frames" in values or "camera_angle_x" in values:
+        return "lists cameras, not splats; open the scene that lies beside it"
+    said = next((values[key] for key in MESSAGES if isinstance(values.get(key), str | dict)), None)
+    if isinstance(said, dict):
+        said = next((said[key] for key in MESSAGES if isinstance(said.get(key), str)), "")
+    if said is not None:
+        return f"is what a server said, not the scene itself: {shown(said)}; check address and access"
+    return None
+
+
+def is_tileset(values: dict[str, Any]) -> bool:
+    """Tell whether a JSON object is a tileset of 3D Tiles, which has an asset as a glTF has."""
+    return "root" in values and ("geometricError" in values or "asset" in values)
+
+
+def _no_scene_list(values: list[Any]) -> str:
+    if values and isinstance(values[0], dict) and {"rotation", "position"} <= values[0].keys():
+        return "lists cameras, not splats; open the scene that lies beside it"
+    return "is a JSON list, expected an object that describes a scene; choose another file"
+
+
+def _content(tile: Any) -> str | None:
+    """Return the name of the first file that a tile or one of its children leads to."""
+    waiting, seen = [tile], 0
+    while waiting and seen < 1000:
+        tile, seen = waiting.pop(0), seen + 1
+        if not isinstance(tile, dict):
+            continue
+        contents = tile.get("contents")
+        for content in [tile.get("content"), *(contents if isinstance(contents, list) else [])]:
+            uri = content.get("uri", content.get("url")) if isinstance(content, dict) else None
+            if isinstance(uri, str):
+                return uri
+        children = tile.get("children")
+        waiting += children if isinstance(children, list) else []
+    return None
