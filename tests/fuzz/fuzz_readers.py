@@ -39,6 +39,8 @@ TARGETS = {
     "sog": ("SOG", "SOG, deflated", "SOG 1"),
     "sog-folder": ("SOG in a folder", "SOG 1 in a folder"),
     "sog-streamed": ("SOG, streamed",),
+    "gsplat-png": ("gsplat PNG",),
+    "zip": ("PLY in a zip", "SOG in a zip"),
 }
 """Which honest files each target begins with; they lie in one kind of place, a file of one name or a folder."""
 

@@ -1,7 +1,7 @@
 """gsplat's PNG compression: a meta.json with ranges, planes of bytes as PNG beside it, harmonics from a palette.
 
-Source: ``PngCompression`` of nerfstudio-project/gsplat. This gives what its ``decompress`` does, to the bit but for
-a last place of the means: log scales, logit opacities, means behind a symmetric logarithm in 16 bits.
+Source: ``PngCompression`` of nerfstudio-project/gsplat. This gives what its ``decompress`` does, to the bit but
+for a last place of the means: log scales, logit opacities, means behind a symmetric logarithm in 16 bits.
 """
 
 from __future__ import annotations

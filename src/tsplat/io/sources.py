@@ -16,8 +16,9 @@ from typing import BinaryIO
 from urllib.parse import unquote
 
 from tsplat.errors import LoadError, LoadWarning, calling
+from tsplat.io.candidates import SUFFIXES
 from tsplat.io.folders import scene_in
-from tsplat.io.remote import Fetched, Progress, Remote, is_url, shown_url, url_beside
+from tsplat.io.remote import Fetched, Progress, Remote, is_url, name_in_query, shown_url, url_beside
 from tsplat.io.remote_errors import FULL
 from tsplat.io.sog_beside import Fetch, fetch_beside, is_json
 from tsplat.io.unpack import is_packed, unpack
@@ -58,6 +59,8 @@ def file_name(source: str | Path) -> str:
     name = "stdin" if source == STDIN else Path(called(source)).name
     if is_elsewhere(source):
         name = unquote(name)
+        if not name.lower().removesuffix(".gz").endswith(SUFFIXES):
+            name = name_in_query(str(source)) or name
     if name.lower().endswith(".gz"):
         name = name[: -len(".gz")]
     safe = "".join(c if c.isprintable() and c not in '/\\:*?"<>|' else "_" for c in name)[-NAME_CHARS:]

@@ -41,7 +41,8 @@ def is_bundle(path: Path) -> bool:
         names = archive.names()
         if META_NAME in names:
             return _is_gsplat(archive)
-        return not path.name.lower().endswith(OWN_SUFFIXES) or bool(find_series(names))
+        named_so = path.name.lower().endswith(OWN_SUFFIXES)
+        return not named_so or _is_checkpoint(names) or bool(find_series(names))
     return False
 
 
@@ -70,14 +71,20 @@ def unzip(path: Path, folder: Path, progress: Callable[[float], None]) -> tuple[
 
 
 def _the_scene(path: Path, names: list[str], archive: Archive) -> Series:
-    if any(name.rpartition("/")[2] == PICKLE for name in names):
+    if _is_checkpoint(names):
         raise LoadError(path, checkpoint(str(path)))
     found = find_series(names)
-    if not found and (inner := [name for name in names if name.lower().endswith(".zip")]):
-        raise LoadError(path, f"holds no scene but {len(inner)} zips, which are not looked into; unpack it first")
     if not archive.names():
         raise LoadError(path, "is a zip of nothing, expected a scene in it; fetch it again")
+    if not found and any(name.lower().endswith(".zip") for name in names):
+        raise LoadError(path, "holds zips, which are not looked into; unpack it first and name one of them")
+    if not names:
+        raise LoadError(path, "holds only files whose names lead out of it; fetch it from somebody else")
     return the_one(path, found, names, "unpack it and name one of them")
+
+
+def _is_checkpoint(names: list[str]) -> bool:
+    return any(name.rpartition("/")[2] == PICKLE for name in names)
 
 
 def _unpack(archive: Archive, name: str, place: Path, most: int) -> int:
