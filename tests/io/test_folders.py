@@ -21,6 +21,7 @@ from tests.scenes import random_gaussians
 from tsplat import io
 from tsplat.errors import CorruptFileError, LoadError, LoadWarning
 from tsplat.io.candidates import find_series
+from tsplat.io.folders import is_whole
 from tsplat.io.train_focal import training_beside
 from tsplat.io.unpack import MOST_TIMES, SLACK
 
@@ -120,6 +121,15 @@ def test_a_training_that_was_stopped_gives_its_newest_whole_scene_and_says_so(tm
         said = str(caught[0].message)
         assert all(f"iteration_{step}" in said for step in (30000, 20000, 15000))
         assert said.startswith(str(place)), "the place is called what it was called"
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".compressed.ply", ".splat", ".sog", ".glb"])
+def test_a_scene_of_which_the_end_is_missing_is_not_whole(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"scene{suffix}"
+    path.write_bytes(saved(suffix, 30))
+    assert is_whole(path)
+    path.write_bytes(path.read_bytes()[:-30])
+    assert not is_whole(path)
 
 
 def test_where_nothing_is_whole_the_newest_says_what_is_wrong(tmp_path: Path) -> None:

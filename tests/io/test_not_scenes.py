@@ -52,7 +52,7 @@ THINGS: dict[str, tuple[bytes, str]] = {
     ),
     "cameras": (json.dumps(CAMERAS).encode(), "lists cameras, not splats; open the scene"),
     "transforms": (b'{"camera_angle_x": 0.6, "frames": []}', "lists cameras, not splats"),
-    "a list": (b"[1, 2]", "is a JSON list"),
+    "a list": (b"[1, 2]", r"is text.*'\[1, 2\]'"),
     "words": (b"Not Found", "is text, not the scene itself: 'Not Found'"),
     "many words": (b"404: " + b"Not Found " * 99, r"'404: Not Found .*\.\.\.'"),
     "words in UTF-8": ("не найдено".encode(), "is text.*'не найдено'"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,6 +11,8 @@ from tsplat.errors import CorruptFileError, LoadError
 from tsplat.io.candidates import Series, find_checkpoint, find_series, is_hidden
 from tsplat.io.not_scenes import checkpoint, no_scene, shown
 from tsplat.io.ply_header import MAGIC, read_header
+from tsplat.io.sog_files import ZIP_MAGICS
+from tsplat.io.splat import RECORD
 
 DEPTH = 5
 """Folders inside each other that are looked into: ``point_cloud/iteration_30000`` are two."""
@@ -64,14 +67,20 @@ def the_one(place: Path, found: list[Series], names: list[str], remedy: str = "n
 
 
 def is_whole(path: Path) -> bool:
-    """Tell whether a file may be all of a scene: what a training wrote when it was stopped is not."""
+    """Tell whether a file may be all of a scene, as far as its length says; what was being written may be not."""
     try:
         with path.open("rb") as file:
             head = file.read(HEAD_BYTES)
-            if not head.startswith(MAGIC):
-                return bool(head) and no_scene(head, str(path)) is None
-            header = read_header(file, path)
-            return path.stat().st_size >= header.data_start + header.least_bytes
+            size = path.stat().st_size
+            if head.startswith(MAGIC):
+                header = read_header(file, path)
+                return size >= header.data_start + header.least_bytes
+            if head.startswith(ZIP_MAGICS):
+                return zipfile.is_zipfile(file)
+            if head.startswith(b"glTF"):
+                return size >= int.from_bytes(head[8:12], "little")
+            rest = size % RECORD.itemsize if path.suffix.lower() == ".splat" else 0
+            return bool(head) and not rest and no_scene(head, str(path)) is None
     except (OSError, CorruptFileError):
         return False
 

@@ -14,15 +14,16 @@ JsonKind = Literal["sog", "gltf", "gsplat"]
 MESSAGES = ("error", "errors", "message", "detail", "error_description", "title", "status", "code")
 """Under one of these keys servers say what went wrong."""
 
+CAMERAS = "lists cameras, not splats; open the scene that lies beside it"
+
 GLTF_KEYS = {"accessors", "bufferViews", "buffers", "meshes", "nodes", "scenes"}
 
 
 def load_json(path: Path) -> Any:
-    """Return what a JSON file holds, or None where it is none or too large to be a list of planes."""
+    """Return what a JSON file holds, which is not too large to be a list of planes; None where it is no JSON."""
     try:
-        if path.stat().st_size > JSON_BYTES:
-            return None
-        return json.loads(path.read_bytes())
+        with path.open("rb") as file:
+            return json.loads(file.read(JSON_BYTES))
     except (ValueError, RecursionError):
         return None
 
@@ -41,8 +42,6 @@ def json_kind(values: Any) -> JsonKind | None:
 
 def no_json_scene(values: Any) -> str | None:
     """Return what a JSON is that describes no scene, and what helps; None where that is not known."""
-    if isinstance(values, list):
-        return _no_scene_list(values)
     if not isinstance(values, dict):
         return None
     if is_tileset(values):
@@ -50,7 +49,7 @@ def no_json_scene(values: Any) -> str | None:
         named = f"open what it names, such as {shown(uri)}" if uri else "open the .glb files that it leads to"
         return f"is a tileset of 3D Tiles, a list of scenes and no scene; {named}"
     if "frames" in values or "camera_angle_x" in values:
-        return "lists cameras, not splats; open the scene that lies beside it"
+        return CAMERAS
     said = next((values[key] for key in MESSAGES if isinstance(values.get(key), str | dict)), None)
     if isinstance(said, dict):
         said = next((said[key] for key in MESSAGES if isinstance(said.get(key), str)), "")
@@ -59,15 +58,14 @@ def no_json_scene(values: Any) -> str | None:
     return None
 
 
+def is_camera_list(head: bytes) -> bool:
+    """Tell whether a file that begins with these bytes is a cameras.json, as beside a training."""
+    return head.startswith(b"[") and b'"rotation"' in head and b'"position"' in head
+
+
 def is_tileset(values: dict[str, Any]) -> bool:
     """Tell whether a JSON object is a tileset of 3D Tiles, which has an asset as a glTF has."""
     return "root" in values and ("geometricError" in values or "asset" in values)
-
-
-def _no_scene_list(values: list[Any]) -> str:
-    if values and isinstance(values[0], dict) and {"rotation", "position"} <= values[0].keys():
-        return "lists cameras, not splats; open the scene that lies beside it"
-    return "is a JSON list, expected an object that describes a scene; choose another file"
 
 
 def _content(tile: Any) -> str | None:

@@ -6,8 +6,9 @@ from pathlib import Path
 
 from tsplat.errors import LoadError
 from tsplat.io.formats import FORMATS, HEAD_BYTES, Format, find_format, fitting_formats
-from tsplat.io.json_kinds import JsonKind, json_kind, load_json, no_json_scene
+from tsplat.io.json_kinds import CAMERAS, JsonKind, is_camera_list, json_kind, load_json, no_json_scene
 from tsplat.io.not_scenes import no_scene
+from tsplat.io.sog_json import JSON_BYTES
 from tsplat.io.splat import is_splat
 
 READ_BYTES = 8192
@@ -64,8 +65,13 @@ def read_head(path: Path) -> bytes:
 
 
 def _kind_of_json(path: Path, head: bytes) -> JsonKind | None:
-    if not head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith((b"{", b"[")):
+    begins = head.removeprefix(b"\xef\xbb\xbf").lstrip()
+    if is_camera_list(begins):
+        raise LoadError(path, CAMERAS)
+    if not begins.startswith(b"{"):
         return None
+    if path.stat().st_size > JSON_BYTES:  # with its buffers inside; whoever writes that begins with what it is
+        return "gltf" if b'"asset"' in head else None
     values = load_json(path)
     kind = json_kind(values)
     if kind is None and (problem := no_json_scene(values)):
