@@ -80,6 +80,7 @@ PLACES: dict[str, Files] = {
     "a splat": {"scene.splat": saved(".splat", MEANT)},
     "packed once more": {"a/scene.ply.gz": gzip.compress(ply(MEANT))},
     "what systems leave": {"__MACOSX/._scene.ply": b"x", ".trash/old.ply": ply(2), "a/scene.ply": ply(MEANT)},
+    "a meta.json of something else": {"meta.json": b'{"author": "me"}', "scene.ply": ply(MEANT)},
     "nearest to the top": {"scene.ply": ply(MEANT), "old/other.ply": ply(2), "old/more.ply": ply(3)},
 }  # fmt: skip
 
@@ -201,6 +202,11 @@ def test_a_zip_writes_nothing_outside_of_its_place(tmp_path: Path, name: str) ->
         io.load(packed(tmp_path, {name: ply(1)}))
     assert len(io.load(packed(tmp_path, {name: ply(1), "scene.ply": ply(MEANT)}))) == MEANT
     assert sorted(path.name for path in tmp_path.iterdir()) == ["capture.zip"]
+
+
+def test_backslashes_in_the_names_of_a_zip_part_folders(tmp_path: Path) -> None:
+    files = {name.replace("/", "\\"): content for name, content in sog(MEANT, "a/b/").items()}
+    assert len(io.load(packed(tmp_path, files))) == MEANT
 
 
 def test_a_link_in_a_zip_is_a_file_of_words(tmp_path: Path) -> None:

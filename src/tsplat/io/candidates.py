@@ -59,6 +59,11 @@ def find_checkpoint(names: Iterable[str]) -> str | None:
     return max(found, key=_step, default=None)
 
 
+def is_meta(name: str) -> bool:
+    """Tell whether a file is called as one is that stands for others; what it holds says more."""
+    return PurePosixPath(name).name in META_NAMES
+
+
 def is_hidden(name: str) -> bool:
     """Tell whether a part of a path is one that systems keep for themselves."""
     return name.startswith((".", "__MACOSX"))

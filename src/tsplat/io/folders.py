@@ -8,10 +8,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from tsplat.errors import CorruptFileError, LoadError
-from tsplat.io.candidates import Series, find_checkpoint, find_series, is_hidden
+from tsplat.io.candidates import Series, find_checkpoint, find_series, is_hidden, is_meta
+from tsplat.io.json_kinds import is_other_json
 from tsplat.io.not_scenes import checkpoint, no_scene, shown
 from tsplat.io.ply_header import MAGIC, read_header
 from tsplat.io.sog_files import ZIP_MAGICS
+from tsplat.io.sog_json import JSON_BYTES
 from tsplat.io.splat import RECORD
 
 DEPTH = 5
@@ -37,7 +39,7 @@ def scene_in(folder: Path) -> tuple[Path, list[Path]]:
     names: list[str] = []
     found: list[Series] = []
     for deeper in _by_depth(folder):
-        names += deeper
+        names += [name for name in deeper if not (is_meta(name) and _is_other_json(folder / name))]
         found = find_series(names)
         if found and found[0].final:
             break
@@ -82,6 +84,13 @@ def is_whole(path: Path) -> bool:
             rest = size % RECORD.itemsize if path.suffix.lower() == ".splat" else 0
             return bool(head) and not rest and no_scene(head, str(path)) is None
     except (OSError, CorruptFileError):
+        return False
+
+
+def _is_other_json(path: Path) -> bool:
+    try:
+        return path.stat().st_size <= JSON_BYTES and is_other_json(path.read_bytes())
+    except OSError:
         return False
 
 

@@ -11,7 +11,10 @@ from tsplat.io.sog_json import JSON_BYTES
 
 JsonKind = Literal["sog", "gltf", "gsplat"]
 
-MESSAGES = ("error", "errors", "message", "detail", "error_description", "title", "status", "code")
+MESSAGES = (
+    "error", "errors", "message", "Message", "detail", "error_description", "errorMessage", "msg", "reason",
+    "title", "status", "code",
+)  # fmt: skip
 """Under one of these keys servers say what went wrong."""
 
 CAMERAS = "lists cameras, not splats; open the scene that lies beside it"
@@ -20,10 +23,9 @@ GLTF_KEYS = {"accessors", "bufferViews", "buffers", "meshes", "nodes", "scenes"}
 
 
 def load_json(path: Path) -> Any:
-    """Return what a JSON file holds, which is not too large to be a list of planes; None where it is no JSON."""
+    """Return what a JSON file holds; None where it is no JSON, or too large to be a list of planes."""
     try:
-        with path.open("rb") as file:
-            return json.loads(file.read(JSON_BYTES))
+        return json.loads(path.read_bytes()) if path.stat().st_size <= JSON_BYTES else None
     except (ValueError, RecursionError):
         return None
 
@@ -38,6 +40,14 @@ def json_kind(values: Any) -> JsonKind | None:
     if "tree" in values and "filenames" in values:
         return "sog"
     return "gltf" if isinstance(values.get("asset"), dict) or values.keys() & GLTF_KEYS else None
+
+
+def is_other_json(text: bytes) -> bool:
+    """Tell whether this is whole JSON, but of no scene: others, too, call a file ``meta.json``."""
+    try:
+        return json_kind(json.loads(text)) is None
+    except (ValueError, RecursionError):
+        return False
 
 
 def no_json_scene(values: Any) -> str | None:

@@ -32,12 +32,12 @@ class Kind(NamedTuple):
     place: int = 0
 
 
+LFS_POINTER = "a Git LFS pointer"
 PICTURE = "open the scene that was made of such pictures"
 UNPACK = "unpack it first"
 KINDS = (
-    Kind(
-        b"version https://git-lfs.github.com/spec/", "a Git LFS pointer", "fetch what it stands for: git lfs pull"
-    ),
+    Kind(b"version https://git-lfs.github.com/spec/", LFS_POINTER, "fetch what it stands for: git lfs pull"),
+    Kind(b"version https://hawser.github.com/spec/", LFS_POINTER, "fetch what it stands for: git lfs pull"),
     Kind(b"/annex/objects/", "a git-annex pointer", "fetch what it stands for: git annex get"),
     Kind(b"\x89PNG\r\n\x1a\n", "a PNG picture", PICTURE),
     Kind(b"\xff\xd8\xff", "a JPEG picture", PICTURE),
@@ -73,9 +73,12 @@ KINDS = (
 TEXT_BYTES = 5
 """Fewer bytes may be the beginning of anything."""
 
-_PAGE = re.compile(rb"<(!doctype\s+html|html|head|body)\b", re.IGNORECASE)
-_TITLE = re.compile(r"<title[^>]*>\s*([^<]*?)\s*</title", re.IGNORECASE)
-_XML_CODE = re.compile(r"<Code>\s*([^<]*?)\s*</Code", re.IGNORECASE)
+PROLOG_CHARS = 200
+"""In so many a page says that it is one, behind whatever XML says first."""
+
+_PAGE = re.compile(r"<(!doctype\s+html|html|head|body|script|meta|title|link|style|div)\b", re.IGNORECASE)
+_TITLE = re.compile(r"<title[^>]*>([^<]*)</title", re.IGNORECASE)
+_XML_CODE = re.compile(r"<Code>([^<]*)</Code", re.IGNORECASE)
 _LFS_SIZE = re.compile(rb"\nsize (\d{1,18})\s*$")
 _TEXT_BOMS = {b"\xef\xbb\xbf": "utf-8", b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
 _CONTROLS = bytes(byte for byte in range(32) if byte not in b"\t\n\r\f\x1b") + b"\x7f"
@@ -93,7 +96,7 @@ def no_scene(head: bytes, name: str) -> str | None:
     """
     for kind in KINDS:
         if head.startswith(kind.magic, kind.place):
-            size = _LFS_SIZE.search(head) if kind is KINDS[0] else None
+            size = _LFS_SIZE.search(head) if kind.what == LFS_POINTER else None
             what = f"{kind.what} to {int(size[1]):,} bytes" if size else kind.what
             return f"is {what}, not the scene itself; {kind.remedy}"
     if re.match(rb"\x80[\x02-\x05]", head) and b"." not in head[:2]:
@@ -144,9 +147,9 @@ def _latin(head: bytes) -> str | None:
 
 def _text_problem(text: str) -> str:
     begins = text.lstrip()
-    if _PAGE.search(begins[:QUOTED_CHARS].encode()) or (begins.startswith("<!--") and _PAGE.search(text.encode())):
+    if begins.startswith("<") and _PAGE.search(begins if begins.startswith("<!--") else begins[:PROLOG_CHARS]):
         title = _TITLE.search(text)
-        called = f" with the title {shown(title[1])}" if title and title[1] else ""
+        called = f" with the title {shown(title[1])}" if title and title[1].strip() else ""
         return f"is a web page{called}, not the scene itself; download the file that the page links to"
     if begins.startswith("<"):
         code = _XML_CODE.search(text)

@@ -5,15 +5,15 @@ What is unpacked is chosen by name, stays in one folder, and is no more than an 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
 
 from tsplat.errors import CorruptFileError, LoadError
 from tsplat.io import npz
-from tsplat.io.candidates import Series, find_series, parts_of
+from tsplat.io.candidates import Series, find_series, is_meta, parts_of
 from tsplat.io.folders import is_whole, the_one
-from tsplat.io.json_kinds import json_kind
+from tsplat.io.json_kinds import is_other_json, json_kind
 from tsplat.io.not_scenes import checkpoint, shown
 from tsplat.io.sog_files import ZIP_MAGICS, Archive, is_inside
 from tsplat.io.sog_json import META_BYTES, read_fields
@@ -22,6 +22,9 @@ from tsplat.io.unpack import MOST_TIMES, SLACK
 HEAD_BYTES = 1024
 PIECE_BYTES = 1 << 20
 META_NAME = "meta.json"
+MOST_METAS = 1000
+"""Where a zip has more of them, none is looked into before it is chosen."""
+
 PICKLE = "data.pkl"
 """What PyTorch calls the file in its zips that says what the others are."""
 
@@ -38,11 +41,11 @@ def is_bundle(path: Path) -> bool:
     if not head.startswith(ZIP_MAGICS) or npz.matches(head):
         return False
     with suppress(CorruptFileError), Archive(path) as archive:
-        names = archive.names()
-        if META_NAME in names:
-            return _is_gsplat(archive)
+        inside = _names_inside(archive)
+        if META_NAME in inside:
+            return json_kind(read_fields(archive, META_NAME, META_BYTES).values) == "gsplat"
         named_so = path.name.lower().endswith(OWN_SUFFIXES)
-        return not named_so or _is_checkpoint(names) or bool(find_series(names))
+        return not named_so or _is_checkpoint(inside) or bool(find_series(inside))
     return False
 
 
@@ -55,19 +58,31 @@ def unzip(path: Path, folder: Path, progress: Callable[[float], None]) -> tuple[
         There is none, or more than one; `CorruptFileError` where it cannot be unpacked.
     """
     with Archive(path) as archive:
-        names = [name for name in archive.names() if is_inside(name) and not name.endswith("/")]
+        inside = _names_inside(archive)
+        names = list(inside)
         series = _the_scene(path, names, archive)
         left = MOST_TIMES * path.stat().st_size + SLACK
         places = []
         for name in series.names:
             for part in parts_of(name, names):
-                left -= _unpack(archive, part, folder / part, left)
+                left -= _unpack(archive, inside[part], folder / part, left)
             places.append(folder / name)
             if is_whole(places[-1]):
                 break
         progress(1.0)
         last = places[-1] if is_whole(places[-1]) else places[0]
         return last, places[: places.index(last)]
+
+
+def _names_inside(archive: Archive) -> dict[str, str]:
+    """Return the files that stay inside, by names with ``/``; some systems write a backslash in its place."""
+    names = {name.replace("\\", "/"): name for name in archive.names()}
+    inside = {safe: name for safe, name in names.items() if is_inside(safe) and not safe.endswith("/")}
+    metas = list(filter(is_meta, inside))
+    for safe in metas if len(metas) <= MOST_METAS else []:
+        if is_other_json(archive.read(inside[safe], META_BYTES)):
+            del inside[safe]
+    return inside
 
 
 def _the_scene(path: Path, names: list[str], archive: Archive) -> Series:
@@ -83,7 +98,7 @@ def _the_scene(path: Path, names: list[str], archive: Archive) -> Series:
     return the_one(path, found, names, "unpack it and name one of them")
 
 
-def _is_checkpoint(names: list[str]) -> bool:
+def _is_checkpoint(names: Iterable[str]) -> bool:
     return any(name.rpartition("/")[2] == PICKLE for name in names)
 
 
@@ -99,7 +114,3 @@ def _unpack(archive: Archive, name: str, place: Path, most: int) -> int:
                 raise CorruptFileError(archive.path, f"{problem}; unpack it first if it is a scene")
             file.write(piece)
     return done
-
-
-def _is_gsplat(archive: Archive) -> bool:
-    return json_kind(read_fields(archive, META_NAME, META_BYTES).values) == "gsplat"
