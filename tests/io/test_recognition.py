@@ -13,6 +13,7 @@ from tsplat.errors import LoadError, OptionError
 from tsplat.io.options import FORMAT_NAMES, SPZ_FRAMES
 from tsplat.io.recognition import recognized
 from tsplat.io.sources import file_name
+from tsplat.io.splat import may_be_splat
 
 SCENE = random_gaussians(np.random.default_rng(5), 40, 1)
 SUFFIXES = [".ply", ".compressed.ply", ".spz", ".sog", ".splat", ".gltf", ".glb"]
@@ -38,6 +39,13 @@ def test_a_format_may_be_asked_for(tmp_path: Path, suffix: str) -> None:
     np.testing.assert_array_equal(io.load(odd, format=suffix[1:]).means, io.load(saved).means)
     with pytest.raises(LoadError):
         io.load(saved, format="npz")
+
+
+def test_a_splat_is_known_by_how_it_begins_too(tmp_path: Path, rng: np.random.Generator) -> None:
+    head = io.save(tmp_path / "saved.splat", SCENE).read_bytes()[:1024]
+    assert may_be_splat(head)
+    assert may_be_splat(head[:-1])
+    assert not any(map(may_be_splat, (b"", head[:31], head[1:], bytes(1024), rng.bytes(1024))))
 
 
 def test_bytes_of_something_else_are_no_records(tmp_path: Path, rng: np.random.Generator) -> None:

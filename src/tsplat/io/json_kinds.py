@@ -24,10 +24,7 @@ GLTF_KEYS = {"accessors", "bufferViews", "buffers", "meshes", "nodes", "scenes"}
 
 def load_json(path: Path) -> Any:
     """Return what a JSON file holds; None where it is no JSON, or too large to be a list of planes."""
-    try:
-        return json.loads(path.read_bytes()) if path.stat().st_size <= JSON_BYTES else None
-    except (ValueError, RecursionError):
-        return None
+    return _parsed(path.read_bytes()) if path.stat().st_size <= JSON_BYTES else None
 
 
 def json_kind(values: Any) -> JsonKind | None:
@@ -44,10 +41,8 @@ def json_kind(values: Any) -> JsonKind | None:
 
 def is_other_json(text: bytes) -> bool:
     """Tell whether this is whole JSON, but of no scene: others, too, call a file ``meta.json``."""
-    try:
-        return json_kind(json.loads(text)) is None
-    except (ValueError, RecursionError):
-        return False
+    values = _parsed(text)
+    return values is not None and json_kind(values) is None
 
 
 def no_json_scene(values: Any) -> str | None:
@@ -93,3 +88,10 @@ def _content(tile: Any) -> str | None:
         children = tile.get("children")
         waiting += children if isinstance(children, list) else []
     return None
+
+
+def _parsed(text: bytes) -> Any:
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError):
+        return None

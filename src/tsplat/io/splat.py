@@ -49,14 +49,22 @@ def is_splat(path: Path) -> bool:
     count, rest = divmod(path.stat().st_size, RECORD.itemsize)
     if rest or not count:
         return False
-    records = np.memmap(path, RECORD, "r", shape=(count,))[:: -(-count // SAMPLES)]
+    return _are_sane(np.memmap(path, RECORD, "r", shape=(count,))[:: -(-count // SAMPLES)])
+
+
+def may_be_splat(head: bytes) -> bool:
+    """Tell the same of a file that begins with these bytes."""
+    return _are_sane(np.frombuffer(head, RECORD, len(head) // RECORD.itemsize))
+
+
+def _are_sane(records: Records) -> bool:
     with np.errstate(all="ignore"):
         means, scales = np.abs(records["means"]), records["scales"]
         lengths = np.linalg.norm((records["quats"] - QUAT_STEPS) / QUAT_STEPS, axis=1)
         good = np.all((means == 0.0) | ((means > LEAST) & (means < FARTHEST)), axis=1)
         good &= np.all((scales == 0.0) | ((scales > LEAST) & (scales < FARTHEST)), axis=1)
         good &= np.abs(lengths - 1.0) < UNIT
-    return bool(np.mean(good) > MOSTLY)
+    return bool(np.count_nonzero(good) > MOSTLY * len(good))
 
 
 def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) -> Gaussians:
