@@ -259,6 +259,15 @@ def test_frames_that_are_numbered_are_scenes_of_their_own() -> None:
     assert find_series([]) == []
 
 
+def test_first_points_of_a_training_are_one_scene_in_whichever_file() -> None:
+    names = ["sparse/0/points3D.bin", "sparse/0/points3D.txt", "sparse/0/cameras.bin", "sparse/0/images.txt"]
+    assert [series.names[0] for series in find_series(names)] == ["sparse/0/points3D.bin"]
+    assert [series.names[0] for series in find_series([*names, "sparse/0/points3D.ply"])] == [
+        "sparse/0/points3D.ply"
+    ]
+    assert [series.names for series in find_series([*names, "a/b/c/scene.ply"])] == [["a/b/c/scene.ply"]]
+
+
 def test_a_zip_through_a_pipe_is_opened_too() -> None:
     with piped(zipped({"a/scene.ply": ply(MEANT)})):
         assert len(io.load("-")) == MEANT

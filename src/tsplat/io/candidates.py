@@ -18,7 +18,9 @@ META_NAMES = (STREAMED_NAME, "meta.json")
 
 CHECKPOINT_SUFFIXES = (".pt", ".pth", ".ckpt")
 FIRST_POINTS = ("input", "points3d", "sparse_pc", "sparse", "points")
-"""What a training began with: opened where nothing else is there."""
+"""What a training began with: opened where nothing else is there, whichever of its files."""
+
+COLMAP_NAMES = ("points3d.bin", "points3d.txt")
 
 _STEP = re.compile(
     r"iteration[_-]?(\d+)|(?:iter|steps?|epoch|point_cloud|export|splats?|ckpt)[_-]?(\d{3,})", re.IGNORECASE
@@ -47,9 +49,10 @@ def find_series(names: Iterable[str]) -> list[Series]:
     chosen = final or paths
     least = min((len(path.parts) for path in chosen), default=0)
     series: dict[str, list[str]] = {}
-    for path in sorted(chosen):
+    for path in sorted(chosen, key=lambda path: (not final and path.suffix.lower() != ".ply", path)):
         if len(path.parts) == least:
-            series.setdefault(_STEP.sub("#", str(path)), []).append(str(path))
+            scene = path if final else path.with_suffix("")
+            series.setdefault(_STEP.sub("#", str(scene)), []).append(str(path))
     return [Series(sorted(each, key=_step, reverse=True), bool(final)) for each in series.values()]
 
 
@@ -80,7 +83,8 @@ def parts_of(name: str, names: Iterable[str]) -> list[str]:
 def _may_be_scene(path: PurePosixPath) -> bool:
     if any(map(is_hidden, path.parts)):
         return False
-    return path.name in META_NAMES or path.name.lower().removesuffix(".gz").endswith(SUFFIXES)
+    name = path.name.lower()
+    return path.name in META_NAMES or name in COLMAP_NAMES or name.removesuffix(".gz").endswith(SUFFIXES)
 
 
 def _is_first_points(path: PurePosixPath) -> bool:
