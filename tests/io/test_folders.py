@@ -184,6 +184,21 @@ def test_links_are_not_followed_into_circles_nor_pipes_opened(tmp_path: Path) ->
     assert len(io.load(folder)) == MEANT
 
 
+def test_a_folder_that_may_not_be_read_hides_no_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = unpacked(tmp_path / "capture", {"locked/x": b"", "open/scene.ply": ply(MEANT)})
+    scandir = os.scandir
+
+    def guarded(path: Path) -> Iterator[os.DirEntry[str]]:
+        if path.name == "locked":
+            raise PermissionError(13, "Permission denied")  # root may read every folder, so it is only said
+        return scandir(path)
+
+    monkeypatch.setattr(os, "scandir", guarded)
+    assert len(io.load(folder)) == MEANT
+    with pytest.raises(LoadError, match="locked: cannot be read: Permission denied"):
+        io.load(folder / "locked")
+
+
 def test_a_folder_that_is_too_deep_or_too_large_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = unpacked(tmp_path / "deep", {"1/2/3/4/5/scene.ply": ply(1)})
     with pytest.raises(LoadError, match="holds no scene among its 0 files"):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import zipfile
 from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
 
 from tsplat.errors import CorruptFileError, LoadError
@@ -100,19 +101,23 @@ def _by_depth(folder: Path) -> Iterator[list[str]]:
     for _ in range(DEPTH):
         files, deeper = list[str](), list[str]()
         for inside in level:
-            with os.scandir(folder / inside) as entries:
-                for entry in entries:
-                    seen += 1
-                    if seen > MOST_FILES:
-                        break
-                    if is_hidden(entry.name):
-                        continue
-                    name = f"{inside}{entry.name}"
-                    if entry.is_dir(follow_symlinks=False):
-                        deeper.append(f"{name}/")
-                    elif entry.is_file():
-                        files.append(name)
+            for entry in islice(_entries(folder, inside), MOST_FILES - seen):
+                seen += 1
+                name = f"{inside}{entry.name}"
+                if entry.is_dir(follow_symlinks=False):
+                    deeper.append(f"{name}/")
+                elif entry.is_file():
+                    files.append(name)
         yield files
-        if not deeper or seen > MOST_FILES:
+        if not deeper or seen >= MOST_FILES:
             return
         level = sorted(deeper)
+
+
+def _entries(folder: Path, inside: str) -> Iterator[os.DirEntry[str]]:
+    try:
+        with os.scandir(folder / inside) as entries:
+            yield from (entry for entry in entries if not is_hidden(entry.name))
+    except PermissionError:
+        if not inside:
+            raise  # what is deeper may be locked without the scene being so

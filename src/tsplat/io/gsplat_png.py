@@ -54,7 +54,8 @@ class Range(NamedTuple):
 
     def of(self, shares: F64) -> F32:
         """Return what shares from 0 to 1 stand for, by the same steps and roundings as PyTorch's."""
-        return (shares * (self.maxs - self.mins) + self.mins).astype(np.float32)
+        with np.errstate(over="ignore", invalid="ignore"):  # what becomes inf or nan is for finish to find
+            return (shares * (self.maxs - self.mins) + self.mins).astype(np.float32)
 
 
 def files_of(meta: dict[str, Any]) -> list[str]:
@@ -82,7 +83,7 @@ def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) ->
     if k > 1:
         sh = np.concatenate([sh, _harmonics(path, fields.inner("shN"), count, k)], axis=1)
     progress(1.0)
-    with np.errstate(over="ignore", invalid="ignore"):  # what becomes inf is for finish to find
+    with np.errstate(over="ignore", invalid="ignore"):
         scales, opacities = np.exp(found["scales"]), np.reciprocal(1 + np.exp(-found["opacities"].reshape(-1)))
         return finish(path, means, found["quats"], scales, opacities, sh, max_splats=options.max_splats)
 
@@ -129,7 +130,7 @@ def _means(files: Files, fields: Fields, count: int) -> F32:
         raise files.corrupt(low, f"and {high} hold {size} bytes, expected at least {count} for {count} splats")
     words = _pixels(files, high, count, (3,)).astype(np.uint16) << 8 | _pixels(files, low, count, (3,))
     logs = _range(fields, 3).of(words / (2**16 - 1))
-    with np.errstate(over="ignore"):
+    with np.errstate(over="ignore", invalid="ignore"):
         means: F32 = np.sign(logs) * np.expm1(np.abs(logs))
     return means
 

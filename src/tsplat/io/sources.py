@@ -127,7 +127,7 @@ def _tell(found: str | Path, newer: list[Path]) -> None:
 def _unzipped(place: Path, folder: Path) -> Path:
     if not is_bundle(place):
         return place
-    inside, newer = unzip(place, folder, lambda _: None)
+    inside, newer = unzip(place, folder)
     _unpack_in_place(inside)
     _tell(inside, newer)
     return inside

@@ -5,7 +5,7 @@ What is unpacked is chosen by name, stays in one folder, and is no more than an 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
@@ -49,7 +49,7 @@ def is_bundle(path: Path) -> bool:
     return False
 
 
-def unzip(path: Path, folder: Path, progress: Callable[[float], None]) -> tuple[Path, list[Path]]:
+def unzip(path: Path, folder: Path) -> tuple[Path, list[Path]]:
     """Unpack the one scene in a zip into a folder that is not there yet; see `tsplat.io.folders.scene_in`.
 
     Raises
@@ -69,7 +69,6 @@ def unzip(path: Path, folder: Path, progress: Callable[[float], None]) -> tuple[
             places.append(folder / name)
             if is_whole(places[-1]):
                 break
-        progress(1.0)
         last = places[-1] if is_whole(places[-1]) else places[0]
         return last, places[: places.index(last)]
 
