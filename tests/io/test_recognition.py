@@ -10,8 +10,10 @@ import pytest
 from tests.scenes import random_gaussians
 from tsplat import io, options
 from tsplat.errors import LoadError, OptionError
+from tsplat.io.candidates import find_series
+from tsplat.io.formats import FORMATS
 from tsplat.io.options import FORMAT_NAMES, SPZ_FRAMES
-from tsplat.io.recognition import recognized
+from tsplat.io.recognition import PARSED_BYTES, recognized
 from tsplat.io.sources import file_name
 from tsplat.io.splat import may_be_splat
 
@@ -57,9 +59,23 @@ def test_bytes_of_something_else_are_no_records(tmp_path: Path, rng: np.random.G
             io.load(path)
 
 
+def test_a_large_gltf_is_told_by_how_it_begins(tmp_path: Path) -> None:
+    io.save(tmp_path / "saved.gltf", random_gaussians(np.random.default_rng(5), 20_000, 1))
+    odd = (tmp_path / "saved.gltf").rename(tmp_path / "scene")
+    assert odd.stat().st_size > PARSED_BYTES
+    assert len(io.load(odd)) == 20_000
+
+
 def test_a_format_that_is_not_known_is_refused() -> None:
     with pytest.raises(OptionError, match=r"format must be one of ply, .*, got 'obj'"):
         io.load(io.demo_path(), format="obj")
+
+
+def test_a_scene_of_every_suffix_is_found_in_a_folder() -> None:
+    suffixes = {suffix for known in FORMATS for suffix in known.suffixes} - {".json"}
+    assert {
+        suffix for suffix in suffixes if not find_series([f"a{suffix}"]) and not find_series([suffix])
+    } == set()
 
 
 def test_the_command_line_has_the_names_that_the_library_has() -> None:

@@ -8,11 +8,13 @@ from tsplat.errors import LoadError
 from tsplat.io.formats import FORMATS, HEAD_BYTES, Format, find_format, fitting_formats
 from tsplat.io.json_kinds import CAMERAS, JsonKind, is_camera_list, json_kind, load_json, no_json_scene
 from tsplat.io.not_scenes import no_scene
-from tsplat.io.sog_json import JSON_BYTES
 from tsplat.io.splat import is_splat
 
 READ_BYTES = 8192
 """How much of a file is looked at for what it is in place of a scene: titles of pages come late."""
+
+PARSED_BYTES = 1 << 20
+"""A larger glTF has its buffers inside, and is told by how it begins: parsing it twice would take much memory."""
 
 JSON_FORMATS: dict[JsonKind, str] = {"sog": ".json", "gltf": ".gltf"}
 
@@ -70,8 +72,8 @@ def _kind_of_json(path: Path, head: bytes) -> JsonKind | None:
         raise LoadError(path, CAMERAS)
     if not begins.startswith(b"{"):
         return None
-    if path.stat().st_size > JSON_BYTES:  # with its buffers inside; whoever writes that begins with what it is
-        return "gltf" if b'"asset"' in head else None
+    if path.stat().st_size > PARSED_BYTES and b'"asset"' in head and b'"geometricError"' not in head:
+        return "gltf"
     values = load_json(path)
     kind = json_kind(values)
     if kind is None and (problem := no_json_scene(values)):
