@@ -128,6 +128,7 @@ class LoadError(TsplatError, ValueError):
         called = _called(str(path))
         name = printable(called)
         where = name if offset is None else f"{name}: at byte {offset}"
+        problem = _called(problem)
         super().__init__(f"{where}: {problem}")
         self.path = called if "://" in called else Path(called)
         self.problem, self.offset = problem, offset

@@ -30,7 +30,13 @@ ANTIALIAS_HELP = (
 )
 FOV_Y = 55.0
 
-READING = ("max-splats", "raw-opacity", "raw-scales", "spz-frame", "lod")
+SPZ_FRAMES = (
+    "ldb", "rdb", "lub", "rub", "ldf", "rdf", "luf", "ruf", "lbd", "rbd", "lbu", "rbu", "lfd", "rfd", "lfu", "rfu",
+)  # fmt: skip
+FORMAT_NAMES = ("ply", "splat", "ksplat", "spz", "sog", "glb", "gltf", "npz", "tsplat")
+"""As in `tsplat.io.options`, which takes long to import."""
+
+READING = ("max-splats", "raw-opacity", "raw-scales", "spz-frame", "lod", "format")
 """The options that say how a scene is read."""
 
 
@@ -51,12 +57,16 @@ def shared(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
                                     help="The file holds opacities from 0 to 1, not their logits."),
         "raw-scales": click.option("--raw-scales", is_flag=True,
                                    help="The file holds scales in world units, not their logarithms."),
-        "spz-frame": click.option("--spz-frame", type=click.Choice(["rub", "rdf"]), default="rub",
-                                  help="Axes of an SPZ: right, up, back as specified; rdf where its writer kept "
-                                  "those of a PLY, and the scene is upside down. [rub]"),
+        "spz-frame": click.option("--spz-frame", type=click.Choice(SPZ_FRAMES), metavar="rub|rdf|...",
+                                  help="Axes of an SPZ: rub is right, up, back, as specified; rdf where its "
+                                  "writer kept those of a PLY, and the scene is upside down. "
+                                  "[what it says, else rub]"),
         "lod": click.option("--lod", type=LEVEL, default="0", metavar="N|all",
                             help="Level of detail of a streamed scene, 0 the finest, or all of them. "
                             "[view: all, one at a time; else 0]"),
+        "format": click.option("--format", type=click.Choice(FORMAT_NAMES), metavar="NAME",
+                               help=f"Read the file as one of {', '.join(FORMAT_NAMES)}. [what its first bytes "
+                               "say, else its name]"),
         "strict": click.option("--strict", is_flag=True,
                                help="Write nothing where something would be lost that is beyond the format."),
         "fov-y": click.option("--fov-y", type=Number(0.001, 179.999), default=FOV_Y,
@@ -96,11 +106,11 @@ def open_scene(
 
     Where all its ``levels`` are of use, a streamed one comes with them, the coarsest first.
     """
-    from tsplat.io.sources import is_elsewhere
+    from tsplat.io.sources import is_elsewhere, settled
     from tsplat.io.tsplat_map import is_tsplat
 
-    source = scene_source(scene)
-    if how["max_splats"] is None and not how["lod"]:
+    source, _ = settled(scene_source(scene))
+    if how["max_splats"] is None and not how["lod"] and how.get("format") in (None, "sog", "tsplat"):
         if not is_elsewhere(source) and is_tsplat(Path(source)):
             from tsplat.lod import open_stored
 

@@ -220,7 +220,7 @@ def test_the_demo_is_a_scene(tmp_path: Path) -> None:
         (["EMPTY", "EMPTY", "x.ply"], "there are no splats in EMPTY, EMPTY"),
         (["SCENE", "--lod", "1", "x.ply"], "lod must be 0 in a scene that is not streamed, got 1"),
         (["SCENE", "--lod", "-1", "x.ply"], "'-1' is not a level of detail, 0 or more, or all"),
-        (["SCENE", "--spz-frame", "ruf", "x.ply"], "'ruf' is not one of 'rub', 'rdf'"),
+        (["SCENE", "--spz-frame", "up", "x.ply"], "'up' is not one of 'ldb', 'rdb'"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )  # fmt: skip

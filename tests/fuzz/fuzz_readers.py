@@ -54,6 +54,8 @@ TARGETS = {
     "transforms-jpeg": ("transforms.json of JPEG",),
     "transforms-webp": ("transforms.json of WebP",),
     "tsplat": ("tsplat",),
+    "gsplat-png": ("gsplat PNG",),
+    "zip": ("PLY in a zip", "SOG in a zip"),
 }
 """Which honest files each target begins with; they lie in one kind of place, a file of one name or a folder."""
 

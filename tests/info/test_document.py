@@ -20,7 +20,7 @@ SCENE = random_gaussians(np.random.default_rng(2), 1001, 2)
 SCENES = shared_scenes()
 KEYS = [
     *("version", "scene", "format", "files", "disk_bytes", "disk_bytes_per_splat", "splats", "sh_degree"),
-    *("antialiased", "up", "origin", "memory_bytes", "box", "bulk", "distributions", "warnings"),
+    *("antialiased", "up", "origin", "frame", "memory_bytes", "box", "bulk", "distributions", "warnings"),
 ]
 PAGE = Path(__file__).parents[2] / "docs" / "info.md"
 
@@ -76,6 +76,13 @@ def test_warnings_of_the_reader_come_first_once_and_without_the_path() -> None:
 
 def test_a_scene_trained_for_antialiasing_is_said_to_be() -> None:
     assert of(replace(SCENE, antialiased=True))["antialiased"] is True
+
+
+def test_axes_of_an_spz_are_said_and_by_what_they_are_known(tmp_path: Path) -> None:
+    path = save(tmp_path / "scene.spz", SCENE)
+    assert document("x", path, SCENE)["frame"] == {"name": "rub", "source": "format"}
+    assert document("x", path, SCENE, spz_frame="luf")["frame"] == {"name": "luf", "source": "option"}
+    assert of(SCENE)["frame"] is None
 
 
 def test_bytes_a_splat_are_said_of_whole_files_only() -> None:

@@ -15,6 +15,7 @@ from tests.io import sogs
 from tests.io.colmaps import colmap_binary, colmap_text
 from tests.io.compressed_plys import small_tables
 from tests.io.gltfs import EXTENSION, SPLATTING, Made, scene_of
+from tests.io.gsplat_pngs import compressed
 from tests.io.ksplats import Part, gaussforge, ksplat
 from tests.io.plys import Table, in_halves, ply_bytes, splat_names, splats
 from tests.io.splats import record
@@ -116,6 +117,12 @@ def _streamed() -> Files:
     return {"lod-meta.json": json.dumps(tree).encode(), "b.sog": sogs.made_up(RNG).zipped(), **inner}
 
 
+def _gsplat_png() -> Files:
+    splats = trained(random_gaussians(RNG, 9, 1))
+    return compressed(splats | {"shN": splats["shN"][:4]}, RNG.integers(0, 4, 9))
+
+
+MADE_UP = sogs.made_up(RNG)
 HONEST: dict[str, Files] = {
     "PLY": {"scene.ply": ply_bytes([_vertices(0)])},
     "PLY behind faces": {"scene.ply": ply_bytes([FACES, _vertices(1), replace(FACES, name="edge")])},
@@ -155,6 +162,9 @@ HONEST: dict[str, Files] = {
     "SOG 1 in a folder": _folder(sogs.made_up_old(RNG, 0)),
     "SOG, streamed": _streamed(),
     "tsplat": {"scene.tsplat": small()},
+    "gsplat PNG": _gsplat_png(),
+    "PLY in a zip": {"scene.zip": sogs.zipped({"a/scene.ply": ply_bytes([_vertices(0)]), "a/b.txt": b"words"})},
+    "SOG in a zip": {"scene.zip": sogs.zipped({f"a/{name}": raw for name, raw in _folder(MADE_UP).items()})},
 }
 
 

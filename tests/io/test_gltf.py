@@ -16,7 +16,7 @@ from tests.io.splat_files import SCENES, apart, likeness, needs_scenes
 from tests.io.spzs import Splat, bare, zipped
 from tests.scenes import random_gaussians
 from tsplat import io
-from tsplat.errors import LoadError, LoadWarning
+from tsplat.errors import LoadWarning
 from tsplat.io import gltf_accessors, gltf_transform
 from tsplat.raster.reference import sh_basis
 from tsplat.scene import SH_C0, Gaussians
@@ -190,13 +190,12 @@ def test_buffers_lie_beside_the_file_and_in_it(tmp_path: Path, rng: np.random.Ge
     check_alike(load_made(tmp_path, made), turned(before))
 
 
-def test_the_first_bytes_decide_and_the_suffix_which_json_it_is(tmp_path: Path) -> None:
+def test_the_first_bytes_decide_and_of_json_what_it_holds(tmp_path: Path) -> None:
     made = scene_of(random_gaussians(np.random.default_rng(0), 4, 0))
     assert len(load_made(tmp_path, made, "scene.ply")) == 4
     assert len(load_made(tmp_path, made, "scene.gltf")) == 4, "a GLB under the other name"
     assert len(load_made(tmp_path, b"\xef\xbb\xbf \n" + made.gltf(), "scene.gltf")) == 4
-    with pytest.raises(LoadError, match=r"neither a meta\.json nor a lod-meta\.json"):
-        load_made(tmp_path, made.gltf(), "scene.json")
+    assert len(load_made(tmp_path, made.gltf(), "scene.json")) == 4
 
 
 def test_meshes_primitives_and_nodes_follow_each_other(tmp_path: Path, rng: np.random.Generator) -> None:

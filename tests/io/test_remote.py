@@ -25,6 +25,7 @@ import numpy as np
 import pytest
 
 from tests.io.gltfs import scene_of
+from tests.io.honest_files import HONEST
 from tests.io.plys import one_splat, ply_bytes, splats
 from tests.io.servers import Server
 from tests.io.sogs import made_up
@@ -115,6 +116,27 @@ def test_a_json_brings_along_the_planes_it_names_and_nothing_else(server: Server
     assert sorted(server.asked) == sorted(f"x/{name}" for name in files)
     assert fractions == sorted(fractions)
     assert sum(0.05 < fraction < 0.7 for fraction in fractions) >= 5  # a part of the bar for each plane
+
+
+def test_a_folder_of_gsplat_and_a_zip_come_from_their_addresses(server: Server, tmp_path: Path) -> None:
+    honest = {**HONEST["gsplat PNG"], **HONEST["PLY in a zip"]}
+    for name, content in honest.items():
+        (tmp_path / name).write_bytes(content)
+    server.files = {f"x/{name}": content for name, content in honest.items()}
+    for name in ("meta.json", "scene.zip"):
+        fetched = io.load(server.url("plain", f"x/{name}"))
+        assert np.array_equal(fetched.means, io.load(tmp_path / name).means)
+    assert sorted(server.asked) == sorted(f"x/{name}" for name in honest)
+
+
+@pytest.mark.parametrize("suffix", [".splat", ".gltf", ".spz"])
+@pytest.mark.parametrize("address", ["download", "download?id=7&file=a.bin", "d.php"])
+def test_an_address_without_a_suffix_brings_what_it_holds(
+    server: Server, tmp_path: Path, suffix: str, address: str
+) -> None:
+    path = io.save(tmp_path / f"scene{suffix}", random_gaussians(np.random.default_rng(5), 30, 1))
+    server.files = {address.partition("?")[0]: path.read_bytes()}
+    assert np.array_equal(io.load(server.url("plain", address)).means, io.load(path).means)
 
 
 @pytest.mark.parametrize("lod", [0, 1, None])
@@ -222,7 +244,7 @@ def failure(capsys: pytest.CaptureFixture[str], url: str) -> str:
         ("302", "file", "leads on to 'file:///etc/passwd', expected http or https"),
         ("302", "loop", "leads from one address to the next without end"),
         ("endless", "empty.ply", "at byte 0: is empty"),
-        ("plain", "page.ply", "at byte 0: begins with b'<html>'"),
+        ("plain", "page.ply", "is a web page, not the scene itself"),
     ],
 )
 def test_what_a_server_does_wrong_is_one_line(

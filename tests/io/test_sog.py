@@ -318,7 +318,7 @@ def test_a_zip_of_something_else_says_what_is_missing(tmp_path: Path) -> None:
 
 def test_json_of_something_else_says_so(tmp_path: Path) -> None:
     path = tmp_path / "model.json"
-    path.write_text('{"asset": {"version": "2.0"}, "meshes": []}')
+    path.write_text('{"model": {"version": "2.0"}, "parts": []}')
     with pytest.raises(LoadError, match=r"model\.json: is JSON, but neither a meta\.json nor a lod-meta\.json"):
         io.load(path)
 

@@ -108,7 +108,7 @@ def test_a_packed_scene_is_the_scene(tmp_path: Path, suffix: str) -> None:
     assert same(io.load(plain), io.load(packed))
 
 
-@pytest.mark.parametrize("suffix", [".ply", ".compressed.ply", ".spz", ".sog"])
+@pytest.mark.parametrize("suffix", [".ply", ".compressed.ply", ".spz", ".sog", ".splat", ".gltf", ".glb"])
 @pytest.mark.parametrize("pack", [bytes, gzip.compress])
 def test_a_piped_scene_is_the_scene(tmp_path: Path, suffix: str, pack: Callable[[bytes], bytes]) -> None:
     content = scene_bytes(tmp_path, suffix)

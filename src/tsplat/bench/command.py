@@ -82,7 +82,7 @@ class Sizes(click.RichCommand):
               help="Numbers of threads to compare. [one, and all]")  # fmt: skip
 @click.option("--frames", type=Whole(1, 100_000), default=FRAMES, show_default=True, metavar="N",
               help="Frames to time of each view, after the first two.")  # fmt: skip
-@shared("spz-frame", "lod")
+@shared("spz-frame", "lod", "format")
 @click.option("--json", "as_json", is_flag=True, help="As JSON, for programs.")
 def bench(scene: tuple[str, ...], sizes: Sequence[tuple[int, int]], thread_counts: tuple[int, ...] | None,
           frames: int, as_json: bool, **how: Any) -> None:  # fmt: skip

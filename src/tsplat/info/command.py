@@ -10,6 +10,7 @@ from typing import Any
 
 import rich_click as click
 
+from tsplat.arguments import scene_source
 from tsplat.errors import LoadWarning
 from tsplat.options import READING, loaded_scene, reading, shared
 
@@ -21,12 +22,16 @@ from tsplat.options import READING, loaded_scene, reading, shared
 def info(scene: str, as_json: bool, **options: Any) -> None:
     """Print what SCENE, or `demo`, holds, how its values are spread, and what looks wrong in it."""
     from tsplat.info.document import document
-    from tsplat.io.sources import called
+    from tsplat.io.sources import called, settled
 
     name, how = called(scene), reading(options)
+    folder = scene_source(scene)
+    if folder == scene and settled(folder)[0] != folder:  # it is a folder: the file that was found is the news
+        name = called(settled(folder)[0])
     with _load_warnings() as warned, loaded_scene(scene, how) as (gaussians, path):
         problems = [text.removeprefix(f"{name}: ") for text in warned]
-        chosen = {each: how[each] for each in ("raw_opacity", "raw_scales", "max_splats")}
+        shaping = ("raw_opacity", "raw_scales", "max_splats", "spz_frame", "format")
+        chosen = {each: how[each] for each in shaping}
         found = document(name, path, gaussians, problems, **chosen)
     if as_json:
         import json

@@ -15,6 +15,8 @@ from tsplat.info.distribution import Axis, distribution
 from tsplat.info.findings import finding_of_loading, findings
 from tsplat.info.measures import Measures, measure
 from tsplat.io.on_disk import look
+from tsplat.io.options import LoadOptions
+from tsplat.io.spz import find_frame
 from tsplat.scene import Gaussians
 
 F32 = npt.NDArray[np.float32]
@@ -32,6 +34,8 @@ def document(
     raw_opacity: bool = False,
     raw_scales: bool = False,
     max_splats: int | None = None,
+    spz_frame: str | None = None,
+    format: str | None = None,
 ) -> dict[str, Any]:
     """Return a scene in numbers, as what `json.dumps` takes: lists, texts as keys, every number finite.
 
@@ -45,14 +49,14 @@ def document(
         What was loaded; it may be empty.
     problems : sequence of str
         Texts of the warnings while loading.
-    raw_opacity, raw_scales, max_splats
+    raw_opacity, raw_scales, max_splats, spz_frame, format
         With what it was loaded.
 
     Notes
     -----
     docs/info.md describes the keys.
     """
-    on_disk, box = look(path), bulk(gaussians)
+    on_disk, box = look(path, format), bulk(gaussians)
     measures = measure(gaussians, box)
     # Levels of detail take space on disk that the splats of one level do not account for.
     whole = len(gaussians) > 0 and max_splats is None and on_disk.scenes == 1
@@ -70,6 +74,7 @@ def document(
         "antialiased": gaussians.antialiased,
         "up": list(gaussians.up) if gaussians.up else None,
         "origin": list(gaussians.origin) if gaussians.origin else None,
+        "frame": find_frame(path, LoadOptions(spz_frame=spz_frame))._asdict() if on_disk.format == "SPZ" else None,
         "memory_bytes": gaussians.nbytes,
         "box": _box(gaussians.means) if len(gaussians) else None,
         "bulk": {

@@ -31,6 +31,13 @@ FRAMED_FROM = 66
 CHART_WIDTHS = ((76, 24), (50, 12), (0, 6))
 """Columns of the output from which on a chart gets that many."""
 
+AXES = {"l": "left", "r": "right", "u": "up", "d": "down", "f": "front", "b": "back"}
+FRAME_SOURCES = {
+    "option": "by --spz-frame",
+    "record": "its own record says so",
+    "format": "as specified, it says nothing itself",
+}
+
 LEGEND = (
     "Drawn: opacity from 0 to 1; sigma (world units) and flatness (shortest / longest) from p1 to p99 in equal "
     "ratios; distance (bulk radii) and view dependence (of colours) from 0 to p99; what lies beyond, at the ends."
@@ -64,6 +71,7 @@ def _facts(document: Document) -> Table:
         "splats": f"{document['splats']:,}",
         "SH degree": str(document["sh_degree"]),
         "antialiased": "yes, drawn with --antialias mip" if document["antialiased"] else "no",
+        **({"axes": _axes(document["frame"])} if document["frame"] else {}),
         "memory": _megabytes(document["memory_bytes"]),
     }
     if document["up"]:
@@ -80,6 +88,11 @@ def _facts(document: Document) -> Table:
     for name, value in rows.items():
         table.add_row(name, Text(value))
     return table
+
+
+def _axes(frame: Mapping[str, Any]) -> str:
+    said = FRAME_SOURCES[frame["source"]]
+    return f"{frame['name']}: {', '.join(AXES[letter] for letter in frame['name'])}; {said}"
 
 
 def _on_disk(document: Document) -> str:

@@ -12,13 +12,14 @@ from pathlib import Path
 from typing import BinaryIO
 
 from tsplat import given
-from tsplat.errors import LoadError, OptionError, SaveError
+from tsplat.errors import OptionError, SaveError
 from tsplat.files import replacing
 from tsplat.io.cameras import TrainingCamera, load_cameras
 from tsplat.io.finish import warn_faint
-from tsplat.io.formats import FORMATS, HEAD_BYTES, Format, find_format
+from tsplat.io.formats import FORMATS, Format, find_format
 from tsplat.io.losses import refuse_lost, warn_lost
-from tsplat.io.options import LoadOptions, SpzFrame
+from tsplat.io.options import LoadOptions
+from tsplat.io.recognition import recognized
 from tsplat.io.sources import local_file
 from tsplat.io.train_focal import train_focal_beside, training_beside
 from tsplat.scene import Gaussians, a_scene
@@ -35,8 +36,9 @@ def load(
     max_splats: int | None = None,
     raw_opacity: bool = False,
     raw_scales: bool = False,
-    spz_frame: SpzFrame = "rub",
+    spz_frame: str | None = None,
     lod: int | None = 0,
+    format: str | None = None,
     extra: bool = False,
     progress: Callable[[float], None] | None = None,
     fetched: Callable[[int, int | None], None] | None = None,
@@ -47,8 +49,9 @@ def load(
     ----------
     path : str or Path
         A splat PLY (little-endian, big-endian, ASCII, or PlayCanvas' compressed PLY), .splat, .ksplat, SPZ, glTF,
-        SOG (zipped, or a meta.json or lod-meta.json with its planes beside it), or an .npz of a gsplat or
-        nerfstudio checkpoint; SH degree 0 to 4. Any of them may be packed with gzip. A str may also be ``-``,
+        SOG (zipped, or a meta.json or lod-meta.json with its planes beside it), gsplat's PNG compression (by its
+        meta.json), or an .npz of a gsplat or nerfstudio checkpoint; SH degree 0 to 4. Any of them may be packed
+        with gzip, or be the one scene in a zip or a folder, such as that of a training. A str may also be ``-``,
         standard input, or an http, https or s3 URL, for which ``pip install "tsplat[remote]"``.
     max_splats : int, optional
         Keep at most this many, those with the largest opacity times area; by default all.
@@ -56,10 +59,14 @@ def load(
         A PLY or .npz holds opacities from 0 to 1 where others hold logits.
     raw_scales : bool
         A PLY or .npz holds scales in world units where others hold their logarithms.
-    spz_frame : {"rub", "rdf"}
-        The axes of an SPZ: right, up, back by its specification; some writers keep a PLY's right, down, front.
+    spz_frame : str, optional
+        The axes of an SPZ, one of `tsplat.io.options.SPZ_FRAMES`. By default those that it says, else ``rub``:
+        right, up, back, as specified. Some writers keep a PLY's ``rdf`` and do not say so.
     lod : int, optional
         Which level of detail of a streamed scene, 0 the finest; None for all of them, one over the other.
+    format : str, optional
+        Read the file as one of `tsplat.io.options.FORMAT_NAMES`; by default as what its first bytes say, else its
+        name.
     extra : bool
         Keep what else a PLY holds, as `Gaussians.extra`: columns and elements of its own, comments. They follow
         the splats through `tsplat.edit`, and a PLY that is saved has them.
@@ -86,14 +93,13 @@ def load(
     LoadWarning
         Splats were left out or mended, and how many; or there is nothing to see; or points were made splats.
     """
-    options = LoadOptions(max_splats, raw_opacity, spz_frame, lod, raw_scales=raw_scales, extra=extra)
+    options = LoadOptions(
+        max_splats, raw_opacity, spz_frame, lod, format=format, raw_scales=raw_scales, extra=extra
+    )
     progress = given.function("progress", progress or (lambda _: None))
     fetched = given.function("fetched", fetched or (lambda *_: None))
-    with local_file(path, options.lod, progress, fetched) as (local, reading):
-        known = find_format(_head(local), local.name)
-        if known is None:
-            names = ", ".join(f"{known.name} ({', '.join(known.suffixes)})" for known in FORMATS)
-            raise LoadError(local, f"is of no known format, expected {names}; convert it first", 0)
+    with local_file(path, options.lod, progress, fetched, options.format) as (local, reading):
+        known = recognized(local, options.format)
         if options.lod and not known.levels:
             raise OptionError(f"lod must be 0 in a scene that is not streamed, got {lod}")
         gaussians = known.read(local, options, reading)
@@ -169,13 +175,3 @@ def _write(path: Path, known: Format, file: BinaryIO, strict: bool, gaussians: G
 def demo_path() -> Path:
     """Return where the demo scene is: PLAYBOT by Stephane Agullo, CC-BY-4.0; see ``demo.txt`` beside it."""
     return Path(__file__).resolve().parents[1] / "demo.ply"
-
-
-def _head(path: Path) -> bytes:
-    if path.exists() and not path.is_file():
-        raise LoadError(path, "is a folder or a device, expected a file; give the path of a scene")
-    with path.open("rb") as file:
-        head = file.read(HEAD_BYTES)
-    if not head:
-        raise LoadError(path, "is empty, expected a splat scene; fetch it again", 0)
-    return head

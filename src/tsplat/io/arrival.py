@@ -14,6 +14,7 @@ from pathlib import Path
 from tsplat.errors import LoadError
 from tsplat.io.formats import FORMATS, HEAD_BYTES
 from tsplat.io.sog_files import ZIP_MAGICS
+from tsplat.io.splat import may_be_splat
 from tsplat.io.spz_header import GZIP_MAGIC
 
 UNMARKED = ".splat", ".ksplat"
@@ -32,7 +33,7 @@ SLOW_SECONDS, SLOW_BYTES = 60.0, 1 << 14
 def may_be_scene(head: bytes, name: str) -> bool:
     """Tell whether a file of a scene may begin like this; where it may not, every reader refuses it for that."""
     known = head.startswith(OTHER_MAGICS) or name.lower().endswith(UNMARKED)
-    return known or any(each.matches(head) for each in FORMATS)
+    return known or any(each.matches(head) for each in FORMATS) or may_be_splat(head)
 
 
 def keep_room(place: Path, done: int, more: int = 0) -> None:

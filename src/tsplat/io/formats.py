@@ -12,6 +12,7 @@ from tsplat.io import (
     compressed_ply_write,
     gltf,
     gltf_write,
+    gsplat_png,
     ksplat,
     npz,
     ply,
@@ -92,6 +93,7 @@ FORMATS = (
     Format("NumPy", (".npz",), npz.matches, npz.read),
     Format("SOG", (".sog",), sog.matches, sog.read, sog_write.write, levels=True, keeps=SAYS_TRAINING),
     Format("SOG", (".json",), sog.matches, sog.read, levels=True),
+    Format("gsplat PNG", (), lambda _: False, gsplat_png.read),
     Format("GLB", (".glb",), gltf.matches_glb, gltf.read, gltf_write.write_glb, keeps=frozenset({"origin"})),
     Format("glTF", (".gltf",), gltf.matches_json, gltf.read, gltf_write.write_gltf, keeps=frozenset({"origin"})),
     Format("SPZ", (".spz",), spz.matches, spz.read, spz.write, keeps=SAYS_TRAINING),
@@ -101,12 +103,17 @@ FORMATS = (
 )
 
 
+def fitting_formats(head: bytes) -> list[Format]:
+    """Return the formats whose files may begin with these bytes."""
+    return [known for known in FORMATS if known.matches(head)]
+
+
 def find_format(head: bytes, name: str) -> Format | None:
     """Return the format of a file, or None.
 
     Its first bytes decide; where they fit several formats or none, the longest ending of its name does.
     """
-    fitting = [known for known in FORMATS if known.matches(head)]
+    fitting = fitting_formats(head)
     ends = [
         (len(suffix), known)
         for known in fitting or FORMATS

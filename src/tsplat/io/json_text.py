@@ -12,7 +12,7 @@ from typing import TypeVar
 
 from tsplat.errors import CorruptFileError
 
-Kind = TypeVar("Kind", list, dict)  # type: ignore[type-arg]
+Kind = TypeVar("Kind")
 
 VALUES_MAX = 1 << 21
 """What a scene or a list of cameras names and counts is less; parsed, so many take a hundred megabytes or two."""
@@ -27,14 +27,14 @@ BEFORE_VALUES = b"[", b"{", b":", b","
 def parse_json(
     text: bytes, kind: type[Kind], expected: str, corrupt: Callable[[str, int | None], CorruptFileError]
 ) -> Kind:
-    """Return the list or the object that a file holds.
+    """Return the list, the object, or whatever of a ``kind`` a file holds.
 
     Parameters
     ----------
     text : bytes
         Of a size that suits the file.
     kind : type
-        ``list`` or ``dict``.
+        ``list`` or ``dict``; ``object`` for any.
     expected : str
         What the file should hold, for messages.
     corrupt : callable

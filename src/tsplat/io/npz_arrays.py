@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -31,7 +31,7 @@ class Header(NamedTuple):
     Attributes
     ----------
     dtype : dtype
-        float16, float32 or float64, of either byte order.
+        float16, float32 or float64, of either byte order, unless other kinds were asked for.
     shape : tuple of int
         Its sides.
     order : {"C", "F"}
@@ -40,19 +40,24 @@ class Header(NamedTuple):
         Where in the file its numbers begin.
     """
 
-    dtype: np.dtype[np.floating]
+    dtype: np.dtype[Any]
     shape: tuple[int, ...]
     order: Literal["C", "F"]
     start: int
 
 
-def read_header(archive: Archive, name: str) -> Header:
-    """Return what a .npy file says of its array.
+FLOATS, INTEGERS = "float16, float32 or float64", "whole numbers"
+KINDS = {FLOATS: "f[248]", INTEGERS: "[iu][1248]"}
+"""What numbers may be, and how their types are written."""
+
+
+def read_header(archive: Archive, name: str, kind: str = FLOATS) -> Header:
+    """Return what a .npy file says of its array; ``kind`` is one of `KINDS`.
 
     Raises
     ------
     CorruptFileError
-        It is no such file, or its array is not of floating-point numbers.
+        It is no such file, or its array is not of such numbers.
     """
     head = archive.read(name, HEADER_BYTES)
     if not head.startswith(MAGIC) or len(head) < 12 or head[6] not in LENGTH_BYTES:
@@ -67,8 +72,8 @@ def read_header(archive: Archive, name: str) -> Header:
     shape = re.search(r"""['"]shape['"]\s*:\s*\(([0-9, ]*)\)""", text)
     if descr is None or order is None or shape is None:
         raise archive.corrupt(name, f"has a header {text[:60]!a}, expected descr, fortran_order and shape")
-    if not re.fullmatch(r"[<>=]?f[248]", descr[1]):
-        raise archive.corrupt(name, f"holds numbers of type {descr[1]!a}, expected float16, float32 or float64")
+    if not re.fullmatch(f"[<>=|]?{KINDS[kind]}", descr[1]):
+        raise archive.corrupt(name, f"holds numbers of type {descr[1]!a}, expected {kind}")
     sides = tuple(int(side[:20]) for side in shape[1].replace(" ", "").split(",") if side)
     return Header(np.dtype(descr[1]), sides, "F" if order[1] == "True" else "C", start)
 

@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from tsplat.errors import LoadError
-from tsplat.io.formats import HEAD_BYTES, find_format
+from tsplat.io import gsplat_png
+from tsplat.io.json_kinds import json_kind
+from tsplat.io.recognition import READ_BYTES, recognized
 from tsplat.io.sog_files import Folder, is_inside
 from tsplat.io.sog_json import read_fields
 
@@ -39,24 +41,32 @@ class OnDisk:
     scenes: int
 
 
-def look(path: Path) -> OnDisk:
+def look(path: Path, asked: str | None = None) -> OnDisk:
     """Return what a scene that could be loaded takes on disk.
 
     Parameters
     ----------
     path : Path
-        What was given to `tsplat.io.load`.
+        The file that `tsplat.io.load` read.
+    asked : str, optional
+        The format that it was asked to read it as.
     """
-    with path.open("rb") as file:
-        head = file.read(HEAD_BYTES)
-    known = find_format(head, path.name)
-    files = _files(path) if head.lstrip(b"\xef\xbb\xbf\t\r\n ").startswith(b"{") else [path]
+    try:
+        name = recognized(path, asked).name
+    except LoadError:
+        name = "unknown"
+    files = _files(path) if _is_json(path) else [path]
     return OnDisk(
-        format=known.name if known else "unknown",
+        format=name,
         nbytes=sum(file.stat().st_size for file in files),
         files=len(files),
         scenes=max(1, sum(file.suffix.lower() in SCENE_SUFFIXES for file in files[1:])),
     )
+
+
+def _is_json(path: Path) -> bool:
+    with path.open("rb") as file:
+        return file.read(READ_BYTES).lstrip(b"\xef\xbb\xbf\t\r\n ").startswith(b"{")
 
 
 def _files(path: Path) -> list[Path]:
@@ -78,6 +88,8 @@ def _names(path: Path) -> Iterator[str]:
     # What is no JSON within limits is no part of a scene that could be loaded.
     with suppress(OSError, LoadError):
         waiting.append(read_fields(Folder(path), path.name).values)
+    if waiting and json_kind(waiting[0]) == "gsplat":
+        yield from gsplat_png.files_of(waiting[0])
     while waiting:
         value = waiting.pop()
         if isinstance(value, dict):

@@ -8,10 +8,11 @@ from collections.abc import Callable, Coroutine
 from concurrent.futures import wait
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from urllib.parse import quote
+from urllib.parse import parse_qsl, quote
 
 from tsplat.errors import LoadError, shown
 from tsplat.io.arrival import Watch
+from tsplat.io.candidates import SUFFIXES
 from tsplat.io.remote_errors import SILENCE_SECONDS, one_line
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ FAREWELL_SECONDS = 1.0
 
 _SCHEME = re.compile(r"([a-z][a-z0-9+.-]+)://", re.IGNORECASE)
 _BEHIND_PATH = re.compile("[?#]")
+_FILENAME = re.compile(r"""filename="?([^";]+)""")
 
 Progress = Callable[[float], None]
 Fetched = Callable[[int, int | None], None]
@@ -45,6 +47,16 @@ def shown_url(url: str) -> str:
         rest = _BEHIND_PATH.split(rest, maxsplit=1)[0]
     host, slash, path = rest.partition("/")
     return f"{scheme}://{host.rpartition('@')[2]}{slash}{path}"
+
+
+def name_in_query(url: str) -> str | None:
+    """Return the name of a scene that stands behind the path of a URL, as scripts that hand out files have it."""
+    for _, value in parse_qsl("" if _is_s3(url) else url.partition("?")[2].partition("#")[0]):
+        filename = _FILENAME.search(value)  # what a signed address asks the server to call the file
+        name = (filename[1] if filename else value).rpartition("/")[2]
+        if name.lower().removesuffix(".gz").endswith(SUFFIXES):
+            return name
+    return None
 
 
 def url_beside(url: str, name: str) -> str:

@@ -8,8 +8,10 @@ from pathlib import Path, PurePosixPath
 from typing import Protocol
 
 from tsplat.io import sog
+from tsplat.io.gsplat_png import files_of
+from tsplat.io.json_kinds import json_kind
 from tsplat.io.sog_files import ZIP_MAGICS, Folder
-from tsplat.io.sog_json import read_fields
+from tsplat.io.sog_json import Fields, read_fields
 from tsplat.io.sog_lod import is_streamed, pieces_of_level
 from tsplat.io.sog_meta import parse_meta
 
@@ -96,11 +98,17 @@ class Beside:
         fields = read_fields(Folder(place), place.name)
         if not fields.has("means"):
             return  # the reader says what it is instead
-        meta = parse_meta(fields)
-        planes = [meta.means_l, meta.means_u, meta.quats, meta.scales, meta.sh0]
-        planes += [meta.palette.centroids, meta.palette.labels] if meta.palette else []
+        planes = _planes(fields)
         for plane, share in zip(planes, _shares(progress, len(planes)), strict=True):
             self.bring(str(PurePosixPath(name).parent / plane), share)
+
+
+def _planes(fields: Fields) -> list[str]:
+    if json_kind(fields.values) == "gsplat":
+        return files_of(fields.values)
+    meta = parse_meta(fields)
+    planes = [meta.means_l, meta.means_u, meta.quats, meta.scales, meta.sh0]
+    return planes + ([meta.palette.centroids, meta.palette.labels] if meta.palette else [])
 
 
 def _shares(progress: Progress, count: int) -> Iterator[Progress]:

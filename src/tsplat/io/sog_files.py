@@ -8,9 +8,11 @@ from __future__ import annotations
 import os
 import zipfile
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from types import TracebackType
-from typing import BinaryIO, Protocol, Self
+from typing import IO, BinaryIO, Protocol, Self
 
 from tsplat.errors import CorruptFileError, shown
 
@@ -98,18 +100,33 @@ class Archive:
 
     def read(self, name: str, limit: int) -> bytes:
         entry = self._find(name)
+        with self.open(name) as file:
+            content = file.read(limit)
+        if len(content) < min(limit, entry.file_size):
+            raise self.corrupt(name, f"holds {len(content)} bytes, expected {entry.file_size}")
+        return content
+
+    @contextmanager
+    def open(self, name: str) -> Iterator[IO[bytes]]:
+        """Give the file to be read from its beginning.
+
+        Raises
+        ------
+        CorruptFileError
+            It is missing or cannot be unpacked, then or while it is read.
+        """
+        entry = self._find(name)
         if entry.compress_size > (there := self.path.stat().st_size):
             raise self.corrupt(
                 name, f"takes {entry.compress_size} bytes by the zip's directory, {there} are there"
             )
         try:
             with self._zip.open(entry) as file:
-                content = file.read(limit)
+                yield file
+        except CorruptFileError:
+            raise
         except (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, EOFError, ValueError) as error:
             raise self.corrupt(name, "cannot be unpacked, expected contents that fit their checksum") from error
-        if len(content) < min(limit, entry.file_size):
-            raise self.corrupt(name, f"holds {len(content)} bytes, expected {entry.file_size}")
-        return content
 
     def corrupt(self, name: str, problem: str) -> CorruptFileError:
         entry = self._zip.NameToInfo.get(name)

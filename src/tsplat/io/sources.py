@@ -6,6 +6,7 @@ Readers see paths only. Errors call what lies in the temporary folder what a per
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -15,13 +16,16 @@ from typing import BinaryIO
 from urllib.parse import unquote
 
 from tsplat import given
-from tsplat.errors import LoadError, calling
-from tsplat.io.arrival import keep_room, may_be_scene
+from tsplat.errors import LoadError, LoadWarning, calling
+from tsplat.io.arrival import UNMARKED, keep_room, may_be_scene
+from tsplat.io.candidates import SUFFIXES
+from tsplat.io.folders import scene_in
 from tsplat.io.formats import HEAD_BYTES
-from tsplat.io.remote import Fetched, Progress, Remote, is_url, shown_url, url_beside
+from tsplat.io.remote import Fetched, Progress, Remote, is_url, name_in_query, shown_url, url_beside
 from tsplat.io.remote_errors import FULL
 from tsplat.io.sog_beside import Fetch, fetch_beside, is_json
 from tsplat.io.unpack import UNPACKED, is_packed, unpack
+from tsplat.io.zips import is_bundle, unzip
 from tsplat.temporary import TemporaryFolder
 
 STDIN = "-"
@@ -32,6 +36,9 @@ GETTING = 0.75
 
 NAME_CHARS = 60
 """At most this many characters of a name are kept, the last ones: file systems take 255 bytes."""
+
+TOLD = 3
+"""So many files that are not whole are named."""
 
 PIECE_BYTES = 1 << 20
 
@@ -53,6 +60,8 @@ def file_name(source: str | Path) -> str:
     name = "stdin" if source == STDIN else Path(called(source)).name
     if is_elsewhere(source):
         name = unquote(name)
+        if not name.lower().removesuffix(".gz").endswith(SUFFIXES):
+            name = name_in_query(str(source)) or name
     if name.lower().endswith(".gz"):
         name = name[: -len(".gz")]
     safe = "".join(c if c.isprintable() and c not in '/\\:*?"<>|' else "_" for c in name)[-NAME_CHARS:]
@@ -61,20 +70,23 @@ def file_name(source: str | Path) -> str:
 
 @contextmanager
 def local_file(
-    source: str | Path, lod: int | None, progress: Progress, fetched: Fetched
+    source: str | Path, lod: int | None, progress: Progress, fetched: Fetched, format: str | None = None
 ) -> Iterator[tuple[Path, Progress]]:
     """Give the path of a scene wherever it comes from, and what hears of the progress of reading it.
 
     Parameters
     ----------
     source : str or Path
-        A path; or a str, ``-`` for standard input or a URL. A JSON at a URL brings along the files that it names.
+        A path, of a file or a folder with one scene; or a str, ``-`` for standard input or a URL. A JSON at a URL
+        brings along the files that it names. What is packed is unpacked, the one scene in a zip too.
     lod : int or None
         Of a streamed scene only the files of this level are fetched; None for all.
     progress : callable
         Hears the fraction done of getting the scene and reading it.
     fetched : callable
         Hears of the bytes that have come from elsewhere.
+    format : str, optional
+        What it is to be read as; then it is brought here to its end, whatever it begins with.
 
     Raises
     ------
@@ -83,13 +95,54 @@ def local_file(
     """
     source = source if is_elsewhere(source) else given.path(source)
     with legible(source):
-        if not is_elsewhere(source) and not is_packed(Path(source)):
-            yield Path(source), progress
+        found, newer = settled(source)
+        _tell(found, newer)
+        if not is_elsewhere(source) and not is_packed(Path(found)) and not is_bundle(Path(found)):
+            yield Path(found), progress
             return
-        with TemporaryFolder() as folder, legible(source, folder):
-            place = place_in(folder, source)
-            _get(source, place, lod, lambda fraction: progress(GETTING * fraction), fetched)
-            yield place, lambda fraction: progress(GETTING + (1.0 - GETTING) * fraction)
+        with TemporaryFolder() as folder, legible(found, folder):
+            place = place_in(folder, found)
+            if f".{format}" in UNMARKED and place.suffix.lower() not in UNMARKED:
+                place = place.with_name(f"{place.name}.{format}")  # nothing in it says what it is
+            with calling({str(place): called(found)}):
+                _get(found, place, lod, lambda fraction: progress(GETTING * fraction), fetched)
+                place = _unzipped(place if place.exists() else Path(found), unzipped_in(folder, found))
+                yield place, lambda fraction: progress(GETTING + (1.0 - GETTING) * fraction)
+
+
+def settled(source: str | Path) -> tuple[str | Path, list[Path]]:
+    """Return the file that a scene is in, where its folder was given, and newer files that are not whole.
+
+    Raises
+    ------
+    LoadError
+        There is no scene in the folder, or more than one.
+    """
+    if is_elsewhere(source) or not Path(source).is_dir():
+        return source, []
+    with legible(source):
+        return scene_in(Path(source))
+
+
+def _tell(found: str | Path, newer: list[Path]) -> None:
+    if newer:
+        listed = ", ".join(map(str, newer[:TOLD]))
+        problem = f"was opened, as what is newer is not whole: {listed}"
+        warnings.warn(f"{found}: {problem}", LoadWarning, stacklevel=6)
+
+
+def _unzipped(place: Path, folder: Path) -> Path:
+    if not is_bundle(place):
+        return place
+    inside, newer = unzip(place, folder)
+    _unpack_in_place(inside)
+    _tell(inside, newer)
+    return inside
+
+
+def unzipped_in(folder: str, source: str | Path) -> Path:
+    """Return where a scene in a zip is unpacked."""
+    return Path(f"{place_in(folder, source)}.d")
 
 
 def place_in(folder: str, source: str | Path) -> Path:
@@ -103,7 +156,7 @@ def legible(source: str | Path, folder: str | None = None) -> Iterator[None]:
     name, names = called(source), {}
     if folder is not None:
         beside = name.rpartition("/")[0] if is_elsewhere(source) and source != STDIN else name
-        names = {str(place_in(folder, source)): name, folder: beside}
+        names = {str(unzipped_in(folder, source)): name, str(place_in(folder, source)): name, folder: beside}
     try:
         with calling(names):
             yield
@@ -123,7 +176,7 @@ def _get(source: str | Path, place: Path, lod: int | None, progress: Progress, f
         _unpack_in_place(place)
     elif isinstance(source, str) and is_url(source):
         _fetch(source, place, lod, progress, fetched)
-    else:
+    elif is_packed(Path(source)):
         unpack(Path(source), place, progress)
 
 

@@ -28,6 +28,11 @@ Records = npt.NDArray[np.void]
 RECORD = np.dtype([("means", "<f4", 3), ("scales", "<f4", 3), ("rgba", "u1", 4), ("quats", "u1", 4)])
 
 
+SAMPLES = 1024
+LEAST, FARTHEST, UNIT = 1e-12, 1e7, 0.1
+MOSTLY = 0.9
+"""What `is_splat` asks of how many records: bytes of something else are hardly ever so."""
+
 QUAT_STEPS = np.float32(128.0)
 
 OPACITIES = np.arange(256, dtype=np.float32) / np.float32(255.0)
@@ -38,6 +43,29 @@ COLORS = (OPACITIES - np.float32(0.5)) / np.float32(SH_C0)
 def matches(head: bytes) -> bool:  # noqa: ARG001
     """Say that the first bytes tell nothing: the suffix has to."""
     return False
+
+
+def is_splat(path: Path) -> bool:
+    """Tell whether a file of an unknown name holds records all through: finite, of sane sizes, with unit quats."""
+    count, rest = divmod(path.stat().st_size, RECORD.itemsize)
+    if rest or not count:
+        return False
+    return _are_sane(np.memmap(path, RECORD, "r", shape=(count,))[:: -(-count // SAMPLES)])
+
+
+def may_be_splat(head: bytes) -> bool:
+    """Tell the same of a file that begins with these bytes."""
+    return _are_sane(np.frombuffer(head, RECORD, len(head) // RECORD.itemsize))
+
+
+def _are_sane(records: Records) -> bool:
+    with np.errstate(all="ignore"):
+        means, scales = np.abs(records["means"]), records["scales"]
+        lengths = np.linalg.norm((records["quats"] - QUAT_STEPS) / QUAT_STEPS, axis=1)
+        good = np.all((means == 0.0) | ((means > LEAST) & (means < FARTHEST)), axis=1)
+        good &= np.all((scales == 0.0) | ((scales > LEAST) & (scales < FARTHEST)), axis=1)
+        good &= np.abs(lengths - 1.0) < UNIT
+    return bool(np.count_nonzero(good) > MOSTLY * len(good))
 
 
 def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) -> Gaussians:

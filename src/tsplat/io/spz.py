@@ -10,7 +10,7 @@ import warnings
 import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, Literal, NamedTuple
 
 import numpy as np
 
@@ -20,17 +20,20 @@ from tsplat.io.arrays import CHUNK, Arrays, chunks
 from tsplat.io.finish import finish
 from tsplat.io.options import LoadOptions
 from tsplat.io.spz_decode import decode
+from tsplat.io.spz_frames import USUAL, reframe
 from tsplat.io.spz_gzip import BareStreams, GzipStreams
 from tsplat.io.spz_header import (
     ANTIALIASED,
     GZIP_MAGIC,
     HEADER,
     MAGIC,
+    RECORDS,
     REST_COEFFICIENTS,
     Header,
     Streams,
     parse_header,
 )
+from tsplat.io.spz_records import Records, parse_records
 from tsplat.io.spz_zstd import ZstdStreams
 from tsplat.io.threads import on_threads
 from tsplat.scene import Gaussians
@@ -40,6 +43,9 @@ UNPACKED = 0.9
 
 ROWS = 2 * CHUNK
 """Splats unpacked and decoded at once: threads take turns at unpacking, and wait for each other at every one."""
+
+PIECE_BYTES = 1 << 16
+"""Unpacked at once where nothing is made of it."""
 
 
 def matches(head: bytes) -> bool:
@@ -75,9 +81,12 @@ def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) ->
         size = os.fstat(file.fileno()).st_size
         header, streams = open_streams(path, file, size)
         arrays = Arrays.empty(header.count, 1 + REST_COEFFICIENTS[header.sh_degree])
-        fill(arrays, header, streams, progress, turned=options.spz_frame == "rub")
-    if header.flags & ~ANTIALIASED:
-        problem = f"flags {header.flags:#x} announce extensions, which were not read"
+        fill(arrays, header, streams, progress, turned=True)
+        records = _records(header, streams)
+    frame = frame_of(records, options).name
+    if frame != USUAL:
+        reframe(arrays, frame)
+    for problem in records.problems:
         warnings.warn(f"{path}: {problem}; the scene may be meant otherwise", LoadWarning, stacklevel=3)
     antialiased = bool(header.flags & ANTIALIASED)
     # Halves may be nan or inf, what else is there cannot, and all quats are unit quats.
@@ -85,6 +94,53 @@ def read(path: Path, options: LoadOptions, progress: Callable[[float], None]) ->
     gaussians = finish(path, *arrays, good=good, max_splats=options.max_splats, antialiased=antialiased)
     progress(1.0)
     return gaussians
+
+
+class Frame(NamedTuple):
+    """The axes that a scene is read in, and who says so.
+
+    Attributes
+    ----------
+    name : str
+        One of `tsplat.io.options.SPZ_FRAMES`.
+    source : {"option", "record", "format"}
+        What was asked for, what the file says, or what its format says of files that do not.
+    """
+
+    name: str
+    source: Literal["option", "record", "format"]
+
+
+def frame_of(records: Records, options: LoadOptions) -> Frame:
+    """Return the axes of an SPZ with these records."""
+    if options.spz_frame:
+        return Frame(options.spz_frame, "option")
+    return Frame(records.frame, "record") if records.frame else Frame(USUAL, "format")
+
+
+def find_frame(path: Path, options: LoadOptions) -> Frame:
+    """Return the axes of an SPZ that could be loaded; one in gzip is unpacked for what stands at its end.
+
+    Raises
+    ------
+    LoadError
+        As for `read`.
+    """
+    with path.open("rb") as file:
+        header, streams = open_streams(path, file, os.fstat(file.fileno()).st_size)
+        if header.version < 4 and header.flags & RECORDS:
+            for name, size in header.streams.items():
+                for rows in chunks(size, PIECE_BYTES):
+                    streams.read(name, rows.stop - rows.start)
+            streams.end()
+        return frame_of(_records(header, streams), options)
+
+
+def _records(header: Header, streams: Streams) -> Records:
+    records = parse_records(streams.records() if header.flags & RECORDS else b"")
+    if more := header.flags & ~(ANTIALIASED | RECORDS):
+        records.problems.append(f"flags {more:#x} are not known here, and what they announce was not read")
+    return records
 
 
 def open_streams(path: Path, file: BinaryIO, size: int) -> tuple[Header, Streams]:

@@ -32,7 +32,7 @@ class BareStreams:
         if size < need or (size > need and not header.flags & ~ANTIALIASED):
             problem = f"{header.count} splats need {need} bytes, {size} are there; fetch it again"
             raise CorruptFileError(path, problem, min(need, size))
-        self._path, self._file = path, file
+        self._path, self._file, self._behind = path, file, size - need
 
     def read(self, name: str, size: int) -> bytes:
         """Return the next bytes."""
@@ -43,6 +43,10 @@ class BareStreams:
 
     def end(self) -> None:
         """Let be: the length was checked before."""
+
+    def records(self) -> bytes:
+        """Return what extensions appended."""
+        return self._file.read(min(self._behind, _TAIL_BYTES))
 
 
 class GzipStreams:
@@ -63,6 +67,7 @@ class GzipStreams:
             problem = f"{header.count} splats need {need} bytes, more than {size} packed ones hold; fetch it again"
             raise CorruptFileError(path, problem, 8)
         self._left = header.streams
+        self._behind = b""
 
     def read(self, name: str, size: int) -> bytes:
         """Return the next bytes."""
@@ -77,7 +82,8 @@ class GzipStreams:
     def end(self) -> None:
         """Require the end of the stream, and its checksum, here or behind what extensions may append."""
         more_may_follow = bool(self.header.flags & ~ANTIALIASED)
-        most = HEADER.size + self.header.need + _TAIL_BYTES
+        self._behind = self._gunzip.read(_TAIL_BYTES if more_may_follow else 0)
+        most = HEADER.size + self.header.need
         passed = 0
         while more := len(self._gunzip.read(_PIECE_BYTES if more_may_follow else 1)):
             passed += more
@@ -85,6 +91,10 @@ class GzipStreams:
                 raise CorruptFileError(self._path, "holds more than its header says; fetch it again", self._size)
         if not self._gunzip.ended:
             raise CorruptFileError(self._path, "ends before its checksum; fetch it again", self._size)
+
+    def records(self) -> bytes:
+        """Return what extensions appended, at most a megabyte of it."""
+        return self._behind
 
 
 class _Gunzip:

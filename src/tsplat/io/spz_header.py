@@ -19,7 +19,10 @@ REST_COEFFICIENTS = (0, 3, 8, 15, 24)
 """How many coefficients follow the first one at degree 0 to 4."""
 
 ANTIALIASED = 1
-"""The one flag that adds nothing to the file; behind others, writers append what only they know."""
+"""The one flag that adds nothing to the file."""
+
+RECORDS = 2
+"""The flag of records as in `tsplat.io.spz_records`; for other flags, writers append what only they know."""
 
 
 class Streams(Protocol):
@@ -30,6 +33,9 @@ class Streams(Protocol):
 
     def end(self) -> None:
         """Require that nothing is left over once all was read."""
+
+    def records(self) -> bytes:
+        """Return what the file says beside its streams, once they have come to their end."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,6 +27,7 @@ _WINDOW_BYTES = 1 << 23
 """What RFC 8878 asks every decoder to have for a window."""
 
 _FRAME_HEADER_BYTES = 18
+_RECORD_BYTES = 1 << 20
 
 
 class Frame(NamedTuple):
@@ -73,6 +74,13 @@ class ZstdStreams:
         """Require the end of the frame that is open."""
         if self._open:
             self._open.end()
+
+    def records(self) -> bytes:
+        """Return what extensions say between the header and the table, at most a megabyte of it."""
+        self._file.seek(TABLE_START)
+        start = int.from_bytes(self._file.read(4), "little")
+        self._file.seek(HEAD_BYTES)
+        return self._file.read(min(start - HEAD_BYTES, _RECORD_BYTES))
 
 
 class _Unpacker:

@@ -20,7 +20,7 @@ from typing import NamedTuple
 from tsplat import given
 from tsplat.errors import CorruptFileError, LoadError, LoadWarning
 from tsplat.io.cameras import load_cameras
-from tsplat.io.sources import is_elsewhere
+from tsplat.io.sources import is_elsewhere, settled
 from tsplat.io.transforms import load_lenses
 from tsplat.scene import Vector
 from tsplat.train_views import TrainViews
@@ -70,8 +70,8 @@ def training_beside(scene_path: str | Path, origin: Vector | None = None) -> Tra
     Parameters
     ----------
     scene_path : str or Path
-        The scene. The nearest folder counts that has a ``cameras.json``, ``transforms.json`` or
-        ``transforms_train.json``, in this order.
+        The scene, or the folder that it is in. The nearest folder counts that has a ``cameras.json``,
+        ``transforms.json`` or ``transforms_train.json``, in this order.
     origin : tuple of 3 floats, optional
         Of the scene, as in `Gaussians`: cameras are listed where they are in the world.
 
@@ -87,7 +87,7 @@ def training_beside(scene_path: str | Path, origin: Vector | None = None) -> Tra
     """
     if is_elsewhere(scene_path):
         return Training()
-    path = _nearest_list(given.path(scene_path))
+    path = _nearest_list(Path(settled(given.path(scene_path))[0]))
     if path is None:
         return Training()
     try:
