@@ -27,7 +27,16 @@ from tsplat.files import replacing
 
 NOT_COMPILED = frozenset(
     {"bench", "cache", "convert", "doctor", "info", "io", "optimize", "record", "terminal", "viewer"}
-    | {"arguments.py", "cli.py", "drawing.py", "export.py", "kept.py", "options.py", "progress.py"}
+    | {
+        "arguments.py",
+        "cli.py",
+        "drawing.py",
+        "export.py",
+        "first_view.py",
+        "kept.py",
+        "options.py",
+        "progress.py",
+    }
     | {"warmup.py", "warmup_process.py"}
 )
 """What no kernel can see, because the layers forbid it: editing these compiles nothing again."""

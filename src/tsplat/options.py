@@ -112,6 +112,13 @@ def _open_levels(source: str | Path, warm_up: WarmUp | None) -> Stored | None:
         return None if is_scattered(found) else read_levels(found, whole=False, progress=bar)
 
 
+def is_spz(scene: str, how: dict[str, Any]) -> bool:
+    """Tell whether a scene is an SPZ that is read as specified, which many are not written as; see `reading`."""
+    from tsplat.io.sources import file_name
+
+    return file_name(scene).lower().endswith(".spz") and how["spz_frame"] == "rub"
+
+
 def was_said(option: str, context: click.Context) -> bool:
     """Tell whether the person gave an option, if only its default."""
     return context.get_parameter_source(option) is not ParameterSource.DEFAULT
@@ -142,13 +149,13 @@ def render_options(
     scene; ``otherwise`` where it is neither, with `TRAIN_FOCAL_GUESS` for one. Those files may also say how
     near the cameras came to the scene.
     """
-    antialias, focal, views = options["antialias"], options["train_focal"], None
+    from tsplat.io import training_beside
+
+    antialias, focal = options["antialias"], options["train_focal"]
     if antialias is None and gaussians.antialiased:
         antialias = "mip"
+    known, views = training_beside(scene_source(scene))
     if antialias in (None, "relative"):
-        from tsplat.io import training_beside
-
-        known, views = training_beside(scene_source(scene))
         focal = focal or known
     options["antialias"] = antialias or ("relative" if focal else otherwise)
     options["train_focal"] = focal or TRAIN_FOCAL_GUESS

@@ -11,7 +11,7 @@ from typing import Any
 import rich_click as click
 
 from tsplat.errors import LoadWarning
-from tsplat.options import READING, loaded_scene, reading, shared
+from tsplat.options import READING, is_spz, loaded_scene, reading, shared
 
 
 @click.command("info")
@@ -20,14 +20,17 @@ from tsplat.options import READING, loaded_scene, reading, shared
 @shared(*READING)
 def info(scene: str, as_json: bool, **options: Any) -> None:
     """Print what SCENE, or `demo`, holds, how its values are spread, and what looks wrong in it."""
+    from tsplat.arguments import scene_source
     from tsplat.info.document import document
+    from tsplat.io import training_beside
     from tsplat.io.sources import called
 
     name, how = called(scene), reading(options)
     with _load_warnings() as warned, loaded_scene(scene, how) as (gaussians, path):
         problems = [text.removeprefix(f"{name}: ") for text in warned]
         chosen = {each: how[each] for each in ("raw_opacity", "max_splats")}
-        found = document(name, path, gaussians, problems, **chosen)
+        views = training_beside(scene_source(scene)).views
+        found = document(name, path, gaussians, problems, **chosen, views=views, spz=is_spz(scene, how))
     if as_json:
         import json
 

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from tsplat.framing import bulk
+from tsplat.framing import bulk, guess_up
 from tsplat.info.distribution import Axis, distribution
-from tsplat.info.findings import finding_of_loading, findings
+from tsplat.info.findings import finding_of_axes, finding_of_loading, findings
 from tsplat.info.measures import Measures, measure
 from tsplat.io.on_disk import look
 from tsplat.scene import Gaussians
+from tsplat.train_views import TrainViews
 
 F32 = npt.NDArray[np.float32]
 
@@ -31,6 +32,8 @@ def document(
     *,
     raw_opacity: bool = False,
     max_splats: int | None = None,
+    views: TrainViews | None = None,
+    spz: bool = False,
 ) -> dict[str, Any]:
     """Return a scene in numbers, as what `json.dumps` takes: lists, texts as keys, every number finite.
 
@@ -46,17 +49,22 @@ def document(
         Texts of the warnings while loading.
     raw_opacity, max_splats
         With what it was loaded.
+    views : TrainViews, optional
+        What its training cameras had in view.
+    spz : bool
+        Whether it is an SPZ read as specified.
 
     Notes
     -----
     docs/info.md describes the keys.
     """
-    on_disk, box = look(path), bulk(gaussians)
+    on_disk, box, up = look(path), bulk(gaussians), guess_up(gaussians, views, spz=spz)
     measures = measure(gaussians, box)
     # Levels of detail take space on disk that the splats of one level do not account for.
     whole = len(gaussians) > 0 and max_splats is None and on_disk.scenes == 1
     looks_wrong = [finding_of_loading(problem.removeprefix(f"{path}: ")) for problem in problems]
     looks_wrong += findings(measures, box.radius, raw_opacity=raw_opacity)
+    looks_wrong += [finding_of_axes()] if up.spz_frame else []
     return {
         "version": VERSION,
         "scene": scene,
@@ -75,6 +83,7 @@ def document(
             "low": box.low.tolist(),
             "high": box.high.tolist(),
         },
+        "up": {"direction": list(up.direction), "cue": up.cue, "sureness": up.sureness, "text": up.text},
         "distributions": _distributions(measures) if len(gaussians) else {},
         "warnings": [asdict(finding) for finding in looks_wrong],
     }

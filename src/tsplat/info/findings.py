@@ -43,6 +43,13 @@ ENOUGH = 10
 """Fewer splats say nothing by all having such an opacity."""
 
 
+RESET = 0.02
+"""Opacity that no splat exceeds just after the training code of Kerbl et al. 2023 has reset them to 0.01, as it
+does every 3000 steps."""
+
+FLAT_SHARE = 0.001
+"""Share of splats without thickness from which on that is worth a word."""
+
 LOADING_REMEDY = "the rest is shown; train or convert the scene again if many are missing"
 
 
@@ -53,7 +60,7 @@ class Finding:
     Attributes
     ----------
     kind : str
-        For programs: loading, flat, huge, far, transparent, raw_opacity, hard_opacity, colors.
+        For programs: loading, flat, huge, far, transparent, raw_opacity, hard_opacity, reset, colors, axes.
     text : str
         What, of how many splats.
     remedy : str
@@ -86,6 +93,7 @@ def findings(measures: Measures, radius: float, *, raw_opacity: bool) -> list[Fi
     every = [
         _raw_opacities(measures, raw_opacity),
         _hard_opacities(measures, raw_opacity),
+        _reset(measures),
         _colors(measures),
         _huge(measures, radius),
         _far(measures),
@@ -102,6 +110,17 @@ def finding_of_loading(problem: str) -> Finding:
     count, total = map(int, said.groups()) if said else (None, None)
     share = count / total if count is not None and total else None
     return Finding("loading", text, remedy or LOADING_REMEDY, count, share)
+
+
+def finding_of_axes() -> Finding:
+    """Return that an SPZ is upside down, as those are whose writer kept the axes of a PLY."""
+    return Finding(
+        "axes",
+        "the scene is upside down for an SPZ",
+        "it is shown turned; --spz-frame rdf reads it upright",
+        None,
+        None,
+    )
 
 
 def _raw_opacities(measures: Measures, raw_opacity: bool) -> Finding | None:
@@ -127,6 +146,14 @@ def _hard_opacities(measures: Measures, raw_opacity: bool) -> Finding | None:
         else "fine for a point cloud; else its opacities have another unit: convert the scene again"
     )
     return _found("hard_opacity", hard, "have an opacity of exactly 0 or 1", remedy)
+
+
+def _reset(measures: Measures) -> Finding | None:
+    faint = measures.opacities < RESET
+    if len(faint) < ENOUGH or not faint.all():
+        return None
+    problem = f"have an opacity below {RESET:g}, as just after training has reset them"
+    return _found("reset", faint, problem, "take what training wrote earlier or later")
 
 
 def _colors(measures: Measures) -> Finding | None:
@@ -175,6 +202,7 @@ def _flat(measures: Measures) -> Finding | None:
         measures.flatness < FLAT,
         f"are flat: their thickness is 0 or below {FLAT:g} of their length",
         "harmless here, but programs that take a scale's logarithm or inverse may fail: give them a thickness",
+        FLAT_SHARE,
     )
 
 

@@ -70,6 +70,7 @@ def _facts(document: Document) -> Table:
         rows["box"] = _corners(document["box"])
         rows["bulk"] = _corners(bulk)
         rows["bulk radius"] = f"{bulk['radius']:.4g} about {_point(bulk['center'])}"
+        rows["up"] = document["up"]["text"]
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_column(style="bold", no_wrap=True)
     table.add_column(overflow="fold")

@@ -109,8 +109,8 @@ class ViewerState:
         Whether the terminal reports that a key went up.
     grabbed : tuple of (float, float, str), or None
         Column, row and button of the drag under way.
-    pictures, suspends : int
-        How many times P and Ctrl-Z were pressed; the loop acts once for each.
+    pictures, ups, suspends : int
+        How many times P, U and Ctrl-Z were pressed; the loop acts once for each.
     threads : int
         Processors there are.
     density : float
@@ -149,6 +149,7 @@ class ViewerState:
     message: str = ""
     screens: int = 0
     pictures: int = 0
+    ups: int = 0
     suspends: int = 0
     running: bool = True
 
@@ -175,6 +176,7 @@ def picture(state: ViewerState) -> ViewerState:
         message="",
         screens=0,
         pictures=0,
+        ups=0,
         suspends=0,
         running=True,
     )
