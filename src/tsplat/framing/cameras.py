@@ -101,14 +101,13 @@ def _axes(frusta: F64) -> tuple[F64, F64, F64]:
 
 def _across(axes: F64, forwards: F64) -> F64:
     # Where the principal point is off the middle, sideways and down lean towards the front.
-    across = axes - (axes * forwards).sum(axis=1)[:, None] * forwards
+    across: F64 = axes - (axes * forwards).sum(axis=1)[:, None] * forwards
     return np.asarray(across / np.linalg.norm(across, axis=1)[:, None], np.float64)
 
 
 def _eyes(frusta: F64) -> F64:
     rows = _unit_rows(frusta)
-    eyes: F64 = np.linalg.solve(rows[:, :, :3], -rows[:, :, 3:])[:, :, 0]
-    return eyes
+    return np.asarray(np.linalg.solve(rows[:, :, :3], -rows[:, :, 3:])[:, :, 0], np.float64)
 
 
 def _seen(inner: Sample, frustum: F64) -> F64:

@@ -24,8 +24,9 @@ SLAB = 0.1
 BINS, SLAB_BINS = 48, 8
 """Heights are told apart in so many bins from one slab below the scene to one above it; a slab takes eight."""
 
-LOWEST, BELOW = 0.25, 0.04
-"""A ground lies in the lowest quarter of the scene, and has a twenty-fifth of what is solid below it."""
+LOWEST, BELOW, ABOVE = 0.25, 0.04, 0.02
+"""A ground lies in the lowest quarter of the scene, and has a twenty-fifth of what is solid below it; and something
+stands on it, else it might as well be a wall."""
 
 LEAST, COVER, ALL = 0.10, 0.66, 0.85
 """It is a tenth of all flat surface, and covers two thirds of the scene as seen from above, which itself covers
@@ -61,8 +62,8 @@ class Level:
         Of that, what lies at this height.
     height : float
         0 at the bottom of the scene, 1 at its top.
-    below : float
-        Share of what is solid below.
+    below, above : float
+        Shares of what is solid below it and above.
     cover : float
         Share of the scene, seen from above, that the level surface at this height covers.
     slab : float
@@ -75,6 +76,7 @@ class Level:
     here: float
     height: float
     below: float
+    above: float
     cover: float
     slab: float
     all: float
@@ -87,7 +89,7 @@ class Level:
     @property
     def is_ground(self) -> bool:
         """Whether it lies under everything, and everywhere."""
-        if self.height > LOWEST or self.below > BELOW:
+        if self.height > LOWEST or self.below > BELOW or self.above < ABOVE:
             return False
         if self.amount > MUCH and self.slab > ALL:
             return True
@@ -130,6 +132,7 @@ class Levels:
             here=float(level[here].sum() / max(level.sum(), 1e-300)),
             height=height,
             below=float(solid[heights < height - SLAB].sum() / solid.sum()),
+            above=float(solid[heights > height + SLAB].sum() / solid.sum()),
             cover=_cover(cells, np.where(here, level, 0.0), FILLED),
             slab=_cover(cells, np.where(here, solid, 0.0), FILLED),
             all=_cover(cells, solid, TOUCHED),
