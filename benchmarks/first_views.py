@@ -62,9 +62,7 @@ def picture(gaussians: Gaussians, label: str, views: TrainViews | None, *, spz: 
     start = time.perf_counter()
     view = first_view(gaussians, options, aspect=SIZE[0] / SIZE[1], fov_y=FOV_Y, spz=spz)
     seconds = time.perf_counter() - start
-    print(
-        f"{label:40} {view.up.text}{', at a training camera' if view.at_camera else ''} ({1e3 * seconds:.0f} ms)"
-    )
+    print(f"{label:40} {view.up.text}{', at a training camera' if view.cameras else ''} ({1e3 * seconds:.0f} ms)")
     frame = rasterize(gaussians, view.pose.camera(*SIZE, FOV_Y), replace(options, train_views=None)).frame()
     return f"{label}: {axis_name(view.up.direction)}, {view.up.cue}", frame
 

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from tests.panels import ball, drone_scan, guitar, joined, relief, ring_of_cameras, room
+from tests.panels import ball, drone_scan, guitar, joined, panel, relief, ring_of_cameras, room
 from tests.scenes import random_gaussians
 from tsplat import edit
 from tsplat.first_view import FirstView, first_view, score, where_to_stand
@@ -89,7 +89,7 @@ def test_what_is_no_thin_part_does_not_move_the_bulk(away: str) -> None:
 def test_in_a_room_the_view_is_that_of_a_training_camera() -> None:
     cameras = ring_of_cameras((3.0, 3.0, 1.5), 0.8, (0.0, 0.0, 1.0), outwards=True)
     view = first_view(room(), RenderOptions(train_views=TrainViews.of(cameras)), **HOW)
-    assert view.at_camera
+    assert view.pose in view.cameras
     assert view.pose.up == (0.0, 0.0, 1.0)
     eyes, ahead = np.array([each.eye for each in cameras]), np.array([each.viewmat[2, :3] for each in cameras])
     nearest = int(np.argmin(np.linalg.norm(eyes - view.pose.eye, axis=1)))
@@ -97,10 +97,19 @@ def test_in_a_room_the_view_is_that_of_a_training_camera() -> None:
     np.testing.assert_allclose(view.pose.forward, ahead[nearest], atol=1e-3)
 
 
+def test_of_the_cameras_in_a_room_that_one_is_taken_whose_view_shows_most() -> None:
+    from_corners = ring_of_cameras((3.0, 3.0, 1.5), 0.8, (0.0, 0.0, 1.0), outwards=True, count=8)
+    at_walls = [each for each in from_corners if np.abs(each.viewmat[2, :2]).max() > 0.99]
+    striped = joined(room(), panel((5.9, 0.0, 0.0), (0, 6, 0), (0, 0, 2.5), (1, 1, 1), checks=20))
+    for cameras in (from_corners, at_walls[::-1], at_walls):
+        view = first_view(striped, RenderOptions(train_views=TrainViews.of(cameras)), **HOW)
+        assert view.pose.forward[0] > 0.5
+
+
 def test_around_a_thing_the_view_is_no_training_cameras_but_from_their_side() -> None:
     thing = random_gaussians(np.random.default_rng(2), 3000)
     around = RenderOptions(train_views=TrainViews.of(ring_of_cameras((0, 0, 0), 4.0, (0, -1, 0))))
-    assert not first_view(thing, around, **HOW).at_camera
+    assert not first_view(thing, around, **HOW).cameras
     behind = [each for each in ring_of_cameras((0, 0, 0), 4.0, (0, -1, 0), count=60) if each.eye[2] > 3.0]
     view = first_view(thing, RenderOptions(train_views=TrainViews.of(behind)), **HOW)
     assert view.pose.eye[2] > 2.0

@@ -7,6 +7,7 @@ floater from one outside.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tsplat.camera import Pose, Vector
-from tsplat.framing import Up, guess_up, start_at_camera, start_pose, was_seen
+from tsplat.framing import Up, guess_up, poses_inside, start_pose, was_seen
 from tsplat.rendering import RenderOptions
 from tsplat.scene import SH_C0, Gaussians
 
@@ -52,13 +53,13 @@ class FirstView:
         The view.
     up : Up
         Which way is up in it, and how that is known.
-    at_camera : bool
-        Whether it is a training camera's, from inside the scene.
+    cameras : tuple of Pose
+        Views of training cameras, where the scene is seen from inside; else none.
     """
 
     pose: Pose
     up: Up
-    at_camera: bool = False
+    cameras: tuple[Pose, ...] = ()
 
 
 def first_view(
@@ -113,28 +114,22 @@ def where_to_stand(
     """Do as `first_view` as far as that takes no drawing: no kernel is needed."""
     some, views = framed_by(scene), options.train_views
     found = guess_up(some, views, spz=spz) if up is None else Up(up, "said", "sure")
-    if views and (pose := start_at_camera(some, views, found.direction)):
-        return FirstView(pose, found, at_camera=True)
+    if views and (cameras := poses_inside(some, views, found.direction)):
+        return FirstView(cameras[0], found, tuple(cameras))
     return FirstView(start_pose(some, aspect=aspect, fov_y=fov_y, up=found.direction), found)
 
 
 def best_side(
     scene: Gaussians | Stored, options: RenderOptions, view: FirstView, *, aspect: float, fov_y: float
 ) -> FirstView:
-    """Return the view from that side of the scene that shows most, which mostly is the one given."""
-    if view.at_camera or not len(scene):
+    """Return the view from that side, or at that camera, which shows most: mostly the one given."""
+    if not len(scene):
         return view
-    from tsplat.raster import rasterize
-
-    some = _thinned(scene)
-    how = RenderOptions(
-        antialias="relative", train_focal=options.train_focal, threads=options.threads, depths=False
-    )
+    if view.cameras:
+        return replace(view, pose=view.cameras[int(np.argmax(_scores(scene, options, view.cameras, fov_y)))])
     turns = [2.0 * math.pi * side / SIDES for side in range(SIDES)]
-    # Each has the shape of a trial, whatever that of the screen is.
     poses = [view.pose.orbit(turn, 0.0) for turn in turns]
-    trials = (rasterize(_marked(some, pose), pose.camera(*SIZE, fov_y), how) for pose in poses)
-    scores = [score(trial.colors) for trial in trials]
+    scores = _scores(scene, options, poses, fov_y)
     if options.train_views:
         scores = [value * was_seen(pose, options.train_views) for value, pose in zip(scores, poses, strict=True)]
     best = int(np.argmax(scores))
@@ -142,6 +137,18 @@ def best_side(
         return view
     pose = start_pose(framed_by(scene), aspect=aspect, fov_y=fov_y, up=view.pose.up, turn=turns[best])
     return replace(view, pose=pose)
+
+
+def _scores(scene: Gaussians | Stored, options: RenderOptions, poses: Sequence[Pose], fov_y: float) -> list[float]:
+    """Return how much each view shows; trials have a shape of their own, whatever that of the screen is."""
+    from tsplat.raster import rasterize
+
+    some = _thinned(scene)
+    how = RenderOptions(
+        antialias="relative", train_focal=options.train_focal, threads=options.threads, depths=False
+    )
+    trials = (rasterize(_marked(some, pose), pose.camera(*SIZE, fov_y), how) for pose in poses)
+    return [score(trial.colors) for trial in trials]
 
 
 def score(colors: F32) -> float:

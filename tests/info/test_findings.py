@@ -85,6 +85,7 @@ def test_nothing_is_wrong_with_random_splats() -> None:
         ("raw_opacity", logits_taken_for_opacities, COUNT),
         ("raw_opacity", bytes_of_those, COUNT),
         ("hard_opacity", put("opacities", slice(None), 1.0), COUNT),
+        ("reset", put("opacities", slice(None), 0.01), COUNT),
         ("colors", put("sh", (slice(6), 0, 2), 40.0), 6),
         ("colors", put("sh", (slice(6), 0, 0), -40.0), 6),
     ],
@@ -111,6 +112,11 @@ def test_what_looks_wrong_is_found_and_counted(kind: str, change: Change, count:
 )
 def test_what_trained_scenes_may_have_is_no_finding(change: Change) -> None:
     assert found_in(changed(change)) == []
+
+
+def test_one_flat_splat_in_two_thousand_is_no_finding() -> None:
+    assert found_in(changed(put("scales", (slice(1), 1), 0.0), 2000)) == []
+    assert [found.kind for found in found_in(changed(put("scales", (slice(2), 1), 0.0), 2000))] == ["flat"]
 
 
 def test_few_splats_may_all_have_the_same_opacity() -> None:

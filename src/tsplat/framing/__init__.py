@@ -9,12 +9,12 @@ scene has floaters far outside and a backdrop of few, huge splats.
 """
 
 from tsplat.framing.bulk import Bulk, bulk
-from tsplat.framing.cameras import start_at_camera, was_seen
+from tsplat.framing.cameras import poses_inside, was_seen
 from tsplat.framing.sample import SAMPLE
 from tsplat.framing.start import start_pose
 from tsplat.framing.up import UP_DEFAULT, UPS, Up, axis_name, guess_up
 
 __all__ = [
-    "SAMPLE", "UPS", "UP_DEFAULT", "Bulk", "Up", "axis_name", "bulk", "guess_up", "start_at_camera", "start_pose",
+    "SAMPLE", "UPS", "UP_DEFAULT", "Bulk", "Up", "axis_name", "bulk", "guess_up", "poses_inside", "start_pose",
     "was_seen",
 ]  # fmt: skip

@@ -26,6 +26,9 @@ AXIS_COSINE = 0.996
 INDOORS = 0.5
 """A scene is seen from inside where half of its cameras stand in the box of its bulk."""
 
+CANDIDATES = 8
+"""Cameras whose views are tried, spread over the list."""
+
 SIDE_COSINE, SOME = 0.7, 0.05
 """A side of a scene was seen where a twentieth of the cameras stood within 45 degrees of it."""
 
@@ -49,23 +52,27 @@ def up_of_cameras(views: TrainViews) -> Vector | None:
     return x, y, z
 
 
-def start_at_camera(gaussians: Gaussians, views: TrainViews, up: Vector) -> Pose | None:
-    """Return the view of that training camera that had most of the scene in view, held upright.
+def poses_inside(gaussians: Gaussians, views: TrainViews, up: Vector) -> list[Pose]:
+    """Return the views of some training cameras, held upright, first that which had most of the scene in view.
 
     None where most of the cameras stood around the scene, not in it.
     """
     frusta, inner = _sound(views), trimmed(sample(gaussians))
     box, eyes = bounds(inner), _eyes(frusta)
-    inside = ((eyes > box.low) & (eyes < box.high)).all(axis=1)
-    if not inside.sum() > INDOORS * len(frusta):
-        return None
-    seen = np.array([_seen(inner, frustum).sum() for frustum in frusta])
-    best = int(np.argmax(np.where(inside, seen, -1.0)))
-    in_view, forward, eye = _seen(inner, frusta[best]), _axes(frusta)[2][best], eyes[best]
-    if not in_view.sum() > 0.0:
-        return None
-    distance = quantile((inner.means - eye) @ forward, in_view, 0.5)
-    return Pose.look_at(eye, eye + distance * forward, up)
+    inside = np.flatnonzero(((eyes > box.low) & (eyes < box.high)).all(axis=1))
+    if not len(inside) > INDOORS * len(frusta):
+        return []
+    spread = inside[np.unique(np.linspace(0, len(inside) - 1, CANDIDATES).round().astype(int))]
+    seen = {int(each): _seen(inner, frusta[each]) for each in spread}
+    most = sorted((each for each in seen if seen[each].sum() > 0.0), key=lambda each: -seen[each].sum())
+    forwards = _axes(frusta)[2]
+
+    def pose(camera: int) -> Pose:
+        eye, forward = eyes[camera], forwards[camera]
+        distance = quantile((inner.means - eye) @ forward, seen[camera], 0.5)
+        return Pose.look_at(eye, eye + distance * forward, up)
+
+    return [pose(camera) for camera in most]
 
 
 def was_seen(pose: Pose, views: TrainViews) -> bool:

@@ -25,7 +25,7 @@ BINS, SLAB_BINS = 48, 8
 """Heights are told apart in so many bins from one slab below the scene to one above it; a slab takes eight."""
 
 LOWEST, BELOW, ABOVE = 0.25, 0.04, 0.02
-"""A ground lies in the lowest quarter of the scene, and has a twenty-fifth of what is solid below it; and something
+"""A ground lies in the lowest quarter of the scene and has a twenty-fifth of what is solid below it; something
 stands on it, else it might as well be a wall."""
 
 LEAST, COVER, ALL = 0.10, 0.66, 0.85

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from tsplat.lod import Stored
 
 GREETING = "? keys   Tab settings   q quit"
-GUESSED = f"{GREETING}   (up is a guess: U turns it, --up says it)"
-TURNED = f"{GREETING}   (it was upside down: --spz-frame rdf, or U)"
+GUESSED = "? keys   q quit   up is a guess: U turns it, --up says it"
+TURNED = "? keys   q quit   upside down for an SPZ: --spz-frame rdf, or U"
 
 
 class Starts:
