@@ -42,6 +42,12 @@ def test_a_wide_flat_ground_is_below_whichever_axis_is_up(up: str) -> None:
     assert told(edit.rotate(drone_scan(), FROM_Z[up])) == (up, "ground", "sure")
 
 
+def test_land_may_have_ditches_but_a_tenth_below_a_board_is_no_ditch() -> None:
+    assert told(drone_scan(0.3)) == ("z", "ground", "sure")
+    legs = [panel((x, y, -3.0), (0.5, 0, 0), (0, 0, 3.0)) for x in (-9.0, 0.0, 9.0) for y in (-9.0, 0.0, 9.0)]
+    assert told(joined(drone_scan(), *legs))[1] == "usual"
+
+
 @pytest.mark.parametrize(
     "no_ground",
     [chair, shelf, relief, lambda: room(4.0, 4.0, 4.0), lambda: panel((0, 0, 0), (0, 1, 0), (0, 0, 1))],

@@ -28,6 +28,10 @@ LOWEST, BELOW, ABOVE = 0.25, 0.04, 0.02
 """A ground lies in the lowest quarter of the scene and has a twenty-fifth of what is solid below it; something
 stands on it, else it might as well be a wall."""
 
+LAND, LAND_LOWEST, LAND_BELOW = 0.40, 0.35, 0.10
+"""Where two fifths of all flat surface are at one height, as in scans from the air, it may be so much higher and
+have so much more below it: land has ditches."""
+
 LEAST, COVER, ALL = 0.10, 0.66, 0.85
 """It is a tenth of all flat surface, and covers two thirds of the scene as seen from above, which itself covers
 its square. Grounds of real scenes have 0.15 to 0.62 of the surface and 0.72 to 1 of the cover. The back of a
@@ -89,7 +93,8 @@ class Level:
     @property
     def is_ground(self) -> bool:
         """Whether it lies under everything, and everywhere."""
-        if self.height > LOWEST or self.below > BELOW or self.above < ABOVE:
+        lowest, below = (LAND_LOWEST, LAND_BELOW) if self.amount > LAND else (LOWEST, BELOW)
+        if self.height > lowest or self.below > below or self.above < ABOVE:
             return False
         if self.amount > MUCH and self.slab > ALL:
             return True
