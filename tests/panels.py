@@ -67,14 +67,14 @@ def ball(
 def drone_scan(ditch: float = 0.0) -> Gaussians:
     """Return a wide flat ground at z = 0 with low houses and a tree on it, and perhaps a ditch: z is up."""
     houses = [
-        panel((x, y, 0.6), (1.5, 0.0, 0.0), (0.0, 1.5, 0.0), (0.7, 0.3, 0.2), side=12)
+        panel((x, y, 0.6), (1.5, 0.0, 0.0), (0.0, 1.5, 0.0), (0.7, 0.3, 0.2), side=24)
         for x in (-6.0, -1.0, 4.0)
         for y in (-7.0, 2.0)
     ]
     tree = ball((2.0, -3.0, 1.0), 0.8, 0.1, (0.2, 0.5, 0.2), 400)
     land = panel((-10.0, -10.0, 0.0), (20.0, 0.0, 0.0), (0.0, 20.0, 0.0), side=60)
     means = land.means.copy()
-    means[np.abs(means[:, 0]) < 0.6, 2] -= np.float32(ditch)
+    means[np.abs(means[:, 0]) < 1.2, 2] -= np.float32(ditch)
     return joined(Gaussians(means, land.quats, land.scales, land.opacities, land.sh), *houses, tree)
 
 

@@ -44,8 +44,8 @@ def test_a_wide_flat_ground_is_below_whichever_axis_is_up(up: str) -> None:
 
 
 def test_land_may_have_a_ditch_but_none_as_deep_as_the_houses_are_high() -> None:
-    assert told(drone_scan(0.3)) == ("z", "ground", "sure")
-    assert told(drone_scan(1.0)) == USUAL
+    assert told(drone_scan(0.5)) == ("z", "ground", "sure")
+    assert told(drone_scan(1.5)) == USUAL
 
 
 @pytest.mark.parametrize(

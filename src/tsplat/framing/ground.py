@@ -28,9 +28,9 @@ LOWEST, BELOW, ABOVE = 0.25, 0.04, 0.02
 """A ground lies in the lowest quarter of the scene and has a twenty-fifth of what is solid below it; something
 stands on it, else it might as well be a wall."""
 
-LAND, LAND_LOWEST, LAND_BELOW = 0.40, 0.35, 0.10
-"""Where two fifths of all flat surface are at one height, as in scans from the air, it may be so much higher and
-have so much more below it: land has ditches."""
+LAND, LAND_LOWEST, LAND_BELOW = 0.40, 0.35, 0.25
+"""Where two fifths of all flat surface are at one height, as in scans from the air, it may be so much higher, and
+have below it a quarter of what is above: land has ditches."""
 
 LEAST, COVER, ALL = 0.10, 0.66, 0.85
 """It is a tenth of all flat surface, and covers two thirds of the scene as seen from above, which itself covers
@@ -93,7 +93,9 @@ class Level:
     @property
     def is_ground(self) -> bool:
         """Whether it lies under everything, and everywhere."""
-        lowest, below = (LAND_LOWEST, LAND_BELOW) if self.amount > LAND else (LOWEST, BELOW)
+        lowest, below = LOWEST, BELOW
+        if self.amount > LAND:
+            lowest, below = LAND_LOWEST, max(BELOW, LAND_BELOW * self.above)
         if self.height > lowest or self.below > below or self.above < ABOVE:
             return False
         if self.amount > MUCH and self.slab > ALL:
