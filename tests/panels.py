@@ -74,7 +74,7 @@ def drone_scan(ditch: float = 0.0) -> Gaussians:
     tree = ball((2.0, -3.0, 1.0), 0.8, 0.1, (0.2, 0.5, 0.2), 400)
     land = panel((-10.0, -10.0, 0.0), (20.0, 0.0, 0.0), (0.0, 20.0, 0.0), side=60)
     means = land.means.copy()
-    means[np.abs(means[:, 0]) < 1.2, 2] -= np.float32(ditch)
+    means[np.abs(means[:, 0]) < 0.9, 2] -= np.float32(ditch)
     return joined(Gaussians(means, land.quats, land.scales, land.opacities, land.sh), *houses, tree)
 
 
