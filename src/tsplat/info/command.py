@@ -27,9 +27,9 @@ def info(scene: str, as_json: bool, **options: Any) -> None:
 
     name, how = called(scene), reading(options)
     with _load_warnings() as warned, loaded_scene(scene, how) as (gaussians, path):
+        views = training_beside(scene_source(scene)).views
         problems = [text.removeprefix(f"{name}: ") for text in warned]
         chosen = {each: how[each] for each in ("raw_opacity", "max_splats")}
-        views = training_beside(scene_source(scene)).views
         found = document(name, path, gaussians, problems, **chosen, views=views, spz=is_spz(scene, how))
     if as_json:
         import json
