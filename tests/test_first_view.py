@@ -10,15 +10,18 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from tests.panels import ball, drone_scan, guitar, joined, panel, relief, ring_of_cameras, room
+from tests.panels import ball, colored, drone_scan, guitar, joined, panel, relief, ring_of_cameras, room
 from tests.scenes import random_gaussians
 from tsplat import edit
-from tsplat.first_view import FirstView, first_view, score, where_to_stand
-from tsplat.framing import bulk, start_pose
+from tsplat.camera import Pose
+from tsplat.first_view import FirstView, first_view, marked, score, where_to_stand
+from tsplat.framing import start_pose
+from tsplat.framing.sample import sample
+from tsplat.framing.trim import trimmed
 from tsplat.lod import open_stored
 from tsplat.lod.stored import store
 from tsplat.rendering import RenderOptions
-from tsplat.scene import Gaussians
+from tsplat.scene import SH_C0, Gaussians
 from tsplat.train_views import TrainViews
 
 OPTIONS = RenderOptions(antialias="relative", depths=False)
@@ -49,6 +52,16 @@ def test_the_eye_does_not_begin_inside_a_floater() -> None:
     assert np.linalg.norm(np.subtract(view.pose.eye, eye)) > 1.0
 
 
+def test_what_is_nearer_than_a_third_of_the_way_to_the_middle_is_marked() -> None:
+    pose = Pose.look_at((0.0, 0.0, -4.0), (0.0, 0.0, 0.0), (0.0, -1.0, 0.0))
+    depths = np.array([-1.0, 0.5, 1.3, 1.5, 4.0, 9.0])
+    row = colored(np.stack([0 * depths, 0 * depths, depths - 4.0], axis=1), (0.1,) * 3, (0.2, 0.6, 0.9))
+    red, green, blue = (0.5 + SH_C0 * marked(row, pose).sh[:, 0]).T
+    np.testing.assert_allclose(green, [1, 1, 1, 0, 0, 0], atol=1e-6)
+    np.testing.assert_allclose(red, 0.2126 * 0.2 + 0.7152 * 0.6 + 0.0722 * 0.9, atol=1e-6)
+    np.testing.assert_allclose(blue, 0.0, atol=1e-6)
+
+
 @pytest.mark.parametrize("scene", [lambda: random_gaussians(np.random.default_rng(2), 3000), drone_scan, guitar])
 def test_where_all_sides_are_alike_the_usual_one_is_kept(scene: Any) -> None:
     gaussians = scene()
@@ -74,16 +87,32 @@ def test_a_thin_part_that_hangs_together_with_the_bulk_is_in_the_frame() -> None
     assert abs(across) < 1.5 * half
 
 
-@pytest.mark.parametrize("away", ["apart", "see-through", "all around"])
-def test_what_is_no_thin_part_does_not_move_the_bulk(away: str) -> None:
+def needles(count: int, first: float = 1.0, opacity: float = 0.95) -> Gaussians:
+    """Return so many rows of splats that go out from the origin in as many directions of a plane."""
+    turns = 2.0 * np.pi * np.repeat(np.arange(count), 60) / count
+    lengths = np.tile(np.linspace(first, 4.5, 60), count)
+    places = np.stack([lengths * np.cos(turns), 0 * turns, lengths * np.sin(turns)], axis=1)
+    return colored(places, (0.06,) * 3, (0.3, 0.2, 0.1), opacity)
+
+
+@pytest.mark.parametrize(
+    ("beside", "reaches"),
+    [
+        (needles(1), True),
+        (needles(3), True),
+        (needles(12), False),
+        (needles(1, 3.5), False),
+        (needles(1, opacity=0.1), False),
+    ],
+    ids=["a needle", "three", "all around", "apart", "see-through"],
+)
+def test_a_thin_opaque_part_that_hangs_together_with_the_bulk_belongs_to_it(
+    beside: Gaussians, reaches: bool
+) -> None:
     body = ball((0.0, 0.0, 0.0), 1.0, 0.08, (0.6, 0.4, 0.2), 3000)
-    heights = np.linspace(3.5 if away == "apart" else 1.0, 4.9, 200)
-    turns = np.linspace(0, 60, 200) if away == "all around" else np.zeros(200)
-    places = np.stack([heights * np.cos(turns), 0 * turns, heights * np.sin(turns)], axis=1)
-    beside = ball((0, 0, 0), 0, 0.06, (0.3, 0.2, 0.1), 200, 0.1 if away == "see-through" else 0.9)
-    moved = Gaussians(places.astype(np.float32), beside.quats, beside.scales, beside.opacities, beside.sh)
-    assert bulk(joined(body, moved)).radius == pytest.approx(bulk(body).radius, rel=0.6)
-    assert bulk(guitar()).radius > 2.0 * bulk(body).radius
+    farthest = float(np.linalg.norm(trimmed(sample(joined(body, beside))).means, axis=1).max())
+    assert (farthest > 4.0) == reaches
+    assert reaches or farthest < 2.7
 
 
 def test_in_a_room_the_view_is_that_of_a_training_camera() -> None:
@@ -100,7 +129,9 @@ def test_in_a_room_the_view_is_that_of_a_training_camera() -> None:
 def test_of_the_cameras_in_a_room_that_one_is_taken_whose_view_shows_most() -> None:
     from_corners = ring_of_cameras((3.0, 3.0, 1.5), 0.8, (0.0, 0.0, 1.0), outwards=True, count=8)
     at_walls = [each for each in from_corners if np.abs(each.viewmat[2, :2]).max() > 0.99]
-    striped = joined(room(), panel((5.9, 0.0, 0.0), (0, 6, 0), (0, 0, 2.5), (1, 1, 1), checks=20))
+    stripes = panel((5.9, 0.0, 0.0), (0, 6, 0), (0, 0, 2.5), (1, 1, 1), checks=20)
+    paper = panel((0.1, 0.0, 0.0), (0, 6, 0), (0, 0, 2.5), side=60)  # more splats, and less to see
+    striped = joined(room(), stripes, paper)
     for cameras in (from_corners, at_walls[::-1], at_walls):
         view = first_view(striped, RenderOptions(train_views=TrainViews.of(cameras)), **HOW)
         assert view.pose.forward[0] > 0.5

@@ -147,7 +147,7 @@ def _scores(scene: Gaussians | Stored, options: RenderOptions, poses: Sequence[P
     how = RenderOptions(
         antialias="relative", train_focal=options.train_focal, threads=options.threads, depths=False
     )
-    trials = (rasterize(_marked(some, pose), pose.camera(*SIZE, fov_y), how) for pose in poses)
+    trials = (rasterize(marked(some, pose), pose.camera(*SIZE, fov_y), how) for pose in poses)
     return [score(trial.colors) for trial in trials]
 
 
@@ -157,7 +157,7 @@ def score(colors: F32) -> float:
     Parameters
     ----------
     colors : ndarray of float32, [H, W, 3]
-        Luminance, and how much of what is seen is near; see `_marked`.
+        Luminance, and how much of what is seen is near; see `marked`.
     """
     luminance = np.clip(colors[:, :, 0], 0.0, 1.0)
     across, down = np.diff(luminance, axis=1)[:-1], np.diff(luminance, axis=0)[:, :-1]
@@ -179,7 +179,7 @@ def _thinned(scene: Gaussians | Stored) -> Gaussians:
     return Gaussians(means, quats, some.scales[::step] * larger, opacities, some.sh[::step, :1])
 
 
-def _marked(some: Gaussians, pose: Pose) -> Gaussians:
+def marked(some: Gaussians, pose: Pose) -> Gaussians:
     """Return splats whose red is their luminance, and whose green is 1 where they stand in the way.
 
     A frame with depths would tell as much, but takes a kernel of its own.
