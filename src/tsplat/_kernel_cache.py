@@ -28,8 +28,8 @@ from tsplat.own_files import is_private, make_private, read_own
 
 NOT_COMPILED = frozenset(
     {"bench", "cache", "convert", "doctor", "info", "io", "optimize", "record", "terminal", "viewer"}
-    | {"arguments.py", "cli.py", "drawing.py", "export.py", "kept.py", "options.py", "progress.py"}
-    | {"standard_streams.py", "temporary.py", "warmup.py", "warmup_process.py"}
+    | {"arguments.py", "cli.py", "drawing.py", "export.py", "first_view.py", "kept.py", "options.py"}
+    | {"progress.py", "standard_streams.py", "temporary.py", "warmup.py", "warmup_process.py"}
 )
 """What no kernel can see, because the layers forbid it: editing these compiles nothing again."""
 

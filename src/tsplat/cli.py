@@ -19,13 +19,13 @@ from tsplat.bench.command import bench
 from tsplat.cache.command import cache
 from tsplat.convert.command import convert
 from tsplat.doctor.command import doctor
-from tsplat.drawing import draw_all, framed_by
+from tsplat.drawing import draw_all
 from tsplat.encode import ENCODERS, FALLBACK_CELL, PICTURES
 from tsplat.errors import LoadWarning, OptionError, SaveWarning, TsplatError, printable
 from tsplat.files import tidy_end
 from tsplat.info.command import info
 from tsplat.optimize.command import optimize
-from tsplat.options import READING, open_scene, reading, render_options, shared, was_said
+from tsplat.options import READING, is_spz, open_scene, reading, render_options, shared, was_said
 from tsplat.progress import wait_for_kernels
 from tsplat.record.command import record
 from tsplat.standard_streams import standard_streams
@@ -132,11 +132,13 @@ def view(context: click.RichContext, /, scene: str, output: str | None, up: Vect
     chosen = render_options(scene, gaussians, options)
     if printing:
         wait_for_kernels(warm_up)
-        return _print_frame(gaussians, chosen, output or "half", _printed_size(width, height), fov_y=fov_y, up=up)
+        size = _printed_size(width, height)
+        where: dict[str, Any] = {"fov_y": fov_y, "up": up, "spz": is_spz(scene, how)}
+        return _print_frame(gaussians, chosen, output or "half", size, **where)
     from tsplat import viewer
 
     return viewer.view(
-        gaussians, chosen, name=scene_name(scene), output=output, up=up, fov_y=fov_y,
+        gaussians, chosen, name=scene_name(scene), output=output, up=up, fov_y=fov_y, spz=is_spz(scene, how),
         raw_opacity=how["raw_opacity"], latency=1e-3 * latency, dither=dither, budget=budget,
     )  # fmt: skip
 
@@ -158,10 +160,11 @@ def render(scene: str, output: str, width: int, height: int, **options: Any) -> 
     images.check_suffix(output)
     view = {name: options.pop(name) for name in ("eye", "target", "up", "fov_y")}
     warm_up = WarmUp()
-    gaussians = open_scene(scene, reading(options), warm_up)
+    how = reading(options)
+    gaussians = open_scene(scene, how, warm_up)
     chosen = render_options(scene, gaussians, options, "classic")
-    camera = _camera(gaussians, width, height, **view)
     wait_for_kernels(warm_up)
+    camera = _camera(gaussians, chosen, width, height, **view, spz=is_spz(scene, how))
     rendering = draw_all(gaussians, camera, chosen)
     milliseconds = sum(rendering.stage_ms.values())
     path = rendering.save(output)
@@ -180,25 +183,27 @@ command.add_command(record)
 
 def _camera(
     gaussians: Gaussians | Stored,
+    options: RenderOptions,
     width: int,
     height: int,
     *,
     fov_y: float,
+    spz: bool,
     eye: Vector | None = None,
     target: Vector | None = None,
     up: Vector | None = None,
 ) -> Camera:
     """Return the camera asked for; what was not said comes from the start view."""
     from tsplat.camera import Camera
-    from tsplat.framing import start_pose
+    from tsplat.first_view import first_view, framed_by, where_to_stand
     from tsplat.origin import in_scene
 
-    frame = framed_by(gaussians)
-    start = start_pose(frame, aspect=width / height, fov_y=fov_y, up=up)
+    how: dict[str, Any] = {"aspect": width / height, "fov_y": fov_y, "up": up, "spz": spz}
+    if target is None and eye is None:
+        return first_view(gaussians, options, **how).pose.camera(width, height, fov_y)
+    start, frame = where_to_stand(gaussians, options, **how).pose, framed_by(gaussians)
     eye, target = (None if point is None else tuple(in_scene(frame, point)) for point in (eye, target))
-    target = target or (None if eye is None else tuple(start.target))
-    if target is None:
-        return start.camera(width, height, fov_y)
+    target = target or tuple(start.target)
     eye = eye or tuple(target - start.distance * start.forward)
     return Camera.look_at(eye, target, up or start.up, width=width, height=height, fov_y=fov_y)
 
@@ -217,14 +222,15 @@ def _print_frame(
     *,
     fov_y: float,
     up: Vector | None,
+    spz: bool,
 ) -> None:
     from tsplat.encode.cells import Cells
 
     columns, rows = size
     cells = Cells(output, 0 if os.environ.get("NO_COLOR") else 1 << 24)
     across, down = cells.pixels_per_cell(*FALLBACK_CELL)
-    camera = _camera(gaussians, columns, 2 * rows, fov_y=fov_y, up=up).resized(columns * across, rows * down)
-    frame = draw_all(gaussians, camera, options).frame()
+    camera = _camera(gaussians, options, columns, 2 * rows, fov_y=fov_y, up=up, spz=spz)
+    frame = draw_all(gaussians, camera.resized(columns * across, rows * down), options).frame()
     sys.stdout.flush()
     sys.stdout.buffer.writelines(cells.lines(frame))
     sys.stdout.buffer.flush()

@@ -72,8 +72,3 @@ def draw_all(scene: Gaussians | Stored, camera: Camera, options: RenderOptions) 
     from tsplat.lod import rasterize_all
 
     return rasterize_all(scene, camera, options)
-
-
-def framed_by(scene: Gaussians | Stored) -> Gaussians:
-    """Return what says where a scene is, and which way is up in it."""
-    return scene if isinstance(scene, Gaussians) else scene.sample

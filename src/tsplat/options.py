@@ -12,8 +12,8 @@ import rich_click as click
 from click.core import ParameterSource
 
 from tsplat.arguments import BACKGROUND, LEVEL, UP, Gigabytes, Number, Whole, scene_source
-from tsplat.drawing import framed_by
 from tsplat.errors import LoadWarning
+from tsplat.first_view import framed_by
 from tsplat.framing import bulk
 from tsplat.progress import loading
 from tsplat.rendering import ANTIALIAS, NEAR_PLANE, TRAIN_FOCAL_GUESS, Antialias, RenderOptions
@@ -134,6 +134,18 @@ def _open_levels(source: str | Path, warm_up: WarmUp | None) -> Stored | None:
         return None if is_scattered(found) else read_levels(found, whole=False, progress=bar)
 
 
+def is_spz(scene: str, how: dict[str, Any]) -> bool:
+    """Tell whether a scene is an SPZ that is read as specified, which many are not written as; see `reading`."""
+    from tsplat.io.options import LoadOptions
+    from tsplat.io.sources import file_name, is_elsewhere
+    from tsplat.io.spz import find_frame
+
+    if not file_name(scene).lower().endswith(".spz") or how["spz_frame"] is not None:
+        return False
+    source = scene_source(scene)
+    return is_elsewhere(source) or find_frame(Path(source), LoadOptions()).source == "format"
+
+
 def was_said(option: str, context: click.Context) -> bool:
     """Tell whether the person gave an option, if only its default."""
     return context.get_parameter_source(option) is not ParameterSource.DEFAULT
@@ -171,15 +183,16 @@ def render_options(
     scene; ``otherwise`` where it is neither, with `TRAIN_FOCAL_GUESS` for one. Those files may also say how
     near the cameras came to the scene.
     """
-    antialias, focal, views = options["antialias"], options["train_focal"], None
+    from tsplat.io import training_beside
+
+    antialias, focal = options["antialias"], options["train_focal"]
     if antialias is None and gaussians.antialiased:
         antialias = "mip"
+    frame = framed_by(gaussians)
+    known, views = training_beside(scene_source(scene), frame.origin)
     if antialias in (None, "relative"):
-        from tsplat.io import training_beside
-
-        known, views = training_beside(scene_source(scene), framed_by(gaussians).origin)
         focal = focal or known
-    options["near_plane"] = near_plane(framed_by(gaussians))
+    options["near_plane"] = near_plane(frame)
     options["antialias"] = antialias or ("relative" if focal else otherwise)
     options["train_focal"] = focal or TRAIN_FOCAL_GUESS
     return RenderOptions(depths=False, train_views=views, **options)

@@ -20,7 +20,7 @@ SCENE = random_gaussians(np.random.default_rng(2), 1001, 2)
 SCENES = shared_scenes()
 KEYS = [
     *("version", "scene", "format", "files", "disk_bytes", "disk_bytes_per_splat", "splats", "sh_degree"),
-    *("antialiased", "up", "origin", "frame", "memory_bytes", "box", "bulk", "distributions", "warnings"),
+    *("antialiased", "origin", "frame", "memory_bytes", "box", "bulk", "up", "distributions", "warnings"),
 ]
 PAGE = Path(__file__).parents[2] / "docs" / "info.md"
 

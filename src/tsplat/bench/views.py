@@ -6,7 +6,10 @@ import math
 from dataclasses import dataclass
 
 from tsplat.camera import Camera, Pose
-from tsplat.framing import bulk, start_pose
+from tsplat.first_view import first_view
+from tsplat.framing import bulk
+from tsplat.options import near_plane
+from tsplat.rendering import RenderOptions
 from tsplat.scene import Gaussians
 
 FOV_Y = 55.0
@@ -49,7 +52,12 @@ def camera_path(gaussians: Gaussians, width: int, height: int) -> tuple[View, ..
     CameraError
         A side is out of its range.
     """
-    start = start_pose(gaussians, aspect=width / height, fov_y=FOV_Y)
+    start = first_view(
+        gaussians,
+        RenderOptions(depths=False, near_plane=near_plane(gaussians)),
+        aspect=width / height,
+        fov_y=FOV_Y,
+    ).pose
     middle = bulk(gaussians)
     ahead = Pose.look_at(tuple(middle.center), tuple(middle.center + start.forward), start.up)
     level = ahead.turn(0.0, -ahead.pitch)

@@ -12,7 +12,7 @@ import rich_click as click
 
 from tsplat.arguments import scene_source
 from tsplat.errors import LoadWarning
-from tsplat.options import READING, loaded_scene, reading, shared
+from tsplat.options import READING, is_spz, loaded_scene, reading, shared
 
 
 @click.command("info")
@@ -22,6 +22,7 @@ from tsplat.options import READING, loaded_scene, reading, shared
 def info(scene: str, as_json: bool, **options: Any) -> None:
     """Print what SCENE, or `demo`, holds, how its values are spread, and what looks wrong in it."""
     from tsplat.info.document import document
+    from tsplat.io import training_beside
     from tsplat.io.sources import called, settled
 
     name, how = called(scene), reading(options)
@@ -29,10 +30,11 @@ def info(scene: str, as_json: bool, **options: Any) -> None:
     if folder == scene and settled(folder)[0] != folder:  # it is a folder: the file that was found is the news
         name = called(settled(folder)[0])
     with _load_warnings() as warned, loaded_scene(scene, how) as (gaussians, path):
+        views = training_beside(scene_source(scene), gaussians.origin).views
         problems = [text.removeprefix(f"{name}: ") for text in warned]
         shaping = ("raw_opacity", "raw_scales", "max_splats", "spz_frame", "format")
         chosen = {each: how[each] for each in shaping}
-        found = document(name, path, gaussians, problems, **chosen)
+        found = document(name, path, gaussians, problems, **chosen, views=views, spz=is_spz(scene, how))
     if as_json:
         import json
 

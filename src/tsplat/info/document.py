@@ -10,14 +10,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from tsplat.framing import bulk
+from tsplat.framing import bulk, guess_up
 from tsplat.info.distribution import Axis, distribution
-from tsplat.info.findings import finding_of_loading, findings
+from tsplat.info.findings import finding_of_axes, finding_of_loading, findings
 from tsplat.info.measures import Measures, measure
 from tsplat.io.on_disk import look
 from tsplat.io.options import LoadOptions
 from tsplat.io.spz import find_frame
 from tsplat.scene import Gaussians
+from tsplat.train_views import TrainViews
 
 F32 = npt.NDArray[np.float32]
 
@@ -36,6 +37,8 @@ def document(
     max_splats: int | None = None,
     spz_frame: str | None = None,
     format: str | None = None,
+    views: TrainViews | None = None,
+    spz: bool = False,
 ) -> dict[str, Any]:
     """Return a scene in numbers, as what `json.dumps` takes: lists, texts as keys, every number finite.
 
@@ -51,17 +54,22 @@ def document(
         Texts of the warnings while loading.
     raw_opacity, raw_scales, max_splats, spz_frame, format
         With what it was loaded.
+    views : TrainViews, optional
+        What its training cameras had in view.
+    spz : bool
+        Whether it is an SPZ read as specified.
 
     Notes
     -----
     docs/info.md describes the keys.
     """
-    on_disk, box = look(path, format), bulk(gaussians)
+    on_disk, box, up = look(path, format), bulk(gaussians), guess_up(gaussians, views, spz=spz)
     measures = measure(gaussians, box)
     # Levels of detail take space on disk that the splats of one level do not account for.
     whole = len(gaussians) > 0 and max_splats is None and on_disk.scenes == 1
     looks_wrong = [finding_of_loading(problem.removeprefix(f"{path}: ")) for problem in problems]
     looks_wrong += findings(measures, box.radius, raw_opacity=raw_opacity, raw_scales=raw_scales)
+    looks_wrong += [finding_of_axes()] if up.spz_frame else []
     return {
         "version": VERSION,
         "scene": scene,
@@ -72,7 +80,6 @@ def document(
         "splats": len(gaussians),
         "sh_degree": gaussians.sh_degree,
         "antialiased": gaussians.antialiased,
-        "up": list(gaussians.up) if gaussians.up else None,
         "origin": list(gaussians.origin) if gaussians.origin else None,
         "frame": find_frame(path, LoadOptions(spz_frame=spz_frame))._asdict() if on_disk.format == "SPZ" else None,
         "memory_bytes": gaussians.nbytes,
@@ -83,6 +90,7 @@ def document(
             "low": box.low.tolist(),
             "high": box.high.tolist(),
         },
+        "up": {"direction": list(up.direction), "cue": up.cue, "sureness": up.sureness, "text": up.text},
         "distributions": _distributions(measures) if len(gaussians) else {},
         "warnings": [asdict(finding) for finding in looks_wrong],
     }

@@ -64,7 +64,7 @@ class Finding:
     ----------
     kind : str
         For programs: loading, raw_scales, raw_opacity, hard_opacity, reset_opacity, colors, huge, far,
-        transparent, flat.
+        transparent, flat, axes.
     text : str
         What, of how many splats.
     remedy : str
@@ -117,6 +117,12 @@ def finding_of_loading(problem: str) -> Finding:
     count, total = map(int, said.groups()) if said else (None, None)
     share = count / total if count is not None and total else None
     return Finding("loading", text, remedy or LOADING_REMEDY, count, share)
+
+
+def finding_of_axes() -> Finding:
+    """Return that an SPZ is upside down, as those are whose writer kept the axes of a PLY."""
+    text, remedy = "the scene is upside down for an SPZ", "it is shown turned; --spz-frame rdf reads it upright"
+    return Finding("axes", text, remedy, None, None)
 
 
 def _raw_scales(measures: Measures, radius: float) -> Finding | None:

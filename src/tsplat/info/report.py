@@ -74,14 +74,13 @@ def _facts(document: Document) -> Table:
         **({"axes": _axes(document["frame"])} if document["frame"] else {}),
         "memory": _megabytes(document["memory_bytes"]),
     }
-    if document["up"]:
-        rows["up"] = f"{_point(document['up'])}, as the file says"
     if document["origin"]:
         rows["origin"] = f"({', '.join(map(repr, document['origin']))}), taken off all coordinates here"
     if document["box"]:
         rows["box"] = _corners(document["box"])
         rows["bulk"] = _corners(bulk)
         rows["bulk radius"] = f"{bulk['radius']:.4g} about {_point(bulk['center'])}"
+        rows["up"] = document["up"]["text"]
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_column(style="bold", no_wrap=True)
     table.add_column(overflow="fold")

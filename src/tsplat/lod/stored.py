@@ -63,6 +63,11 @@ class Stored:
         return SH_COEFFICIENTS.index(1 + self.tree.scene.coefficients)
 
     @property
+    def sampled(self) -> int:
+        """How many splats the sample is of."""
+        return self.splats
+
+    @property
     def finest(self) -> npt.NDArray[np.int32]:
         """The blocks that are the scene itself."""
         return self.tree.finest

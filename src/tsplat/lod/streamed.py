@@ -34,6 +34,11 @@ class Streamed(Stored):
     reader: Reader
 
     @property
+    def sampled(self) -> int:
+        """How many splats the sample is of: those of the coarsest levels."""
+        return int(self.tree.splats[self.tree.roots].sum())
+
+    @property
     def complete(self) -> bool:
         """Whether all levels are in memory."""
         return not self.reader.left

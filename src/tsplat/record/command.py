@@ -12,7 +12,7 @@ from tsplat.arguments import DEMO, Number, Triples, Whole, scene_name
 from tsplat.encode import ENCODERS, FALLBACK_CELL
 from tsplat.errors import OptionError, SaveError, printable
 from tsplat.files import replacing
-from tsplat.options import READING, load_scene, reading, render_options, shared
+from tsplat.options import READING, is_spz, load_scene, reading, render_options, shared
 from tsplat.progress import loading, wait_for_kernels
 from tsplat.warmup import WarmUp
 
@@ -61,13 +61,13 @@ def record(out: str, scene: str, live: bool, up: Any, fov_y: float, **options: A
         gaussians = load_scene(scene, read, warm_up)
         chosen = render_options(scene, gaussians, options)
         if live:
-            view = {"name": scene_name(scene), "output": wanted["output"], "up": up, "fov_y": fov_y}
+            view = {"name": scene_name(scene), "output": wanted["output"], "up": up, "fov_y": fov_y,
+                    "spz": is_spz(scene, read)}  # fmt: skip
             made = _record_session(file, path, gaussians, chosen, how, raw_opacity=read["raw_opacity"], **view)
         else:
             wait_for_kernels(warm_up)
-            made = _record_orbit(
-                file, path, _orbit(path, gaussians, chosen, how, up, fov_y), how, scene_name(scene)
-            )
+            orbit = _orbit(path, gaussians, chosen, how, {"up": up, "fov_y": fov_y, "spz": is_spz(scene, read)})
+            made = _record_orbit(file, path, orbit, how, scene_name(scene))
     print(f"{printable(out)}: {made}, {path.stat().st_size / 1e3:,.0f} kB", flush=True)
 
 
@@ -109,10 +109,10 @@ def _taken(suffix: str, live: bool) -> list[str]:
     return ["fps", "width", "height", "output"] if live else ["seconds", "turns", "fps", "width", "height"]
 
 
-def _orbit(path: Path, gaussians: Gaussians, options: RenderOptions, how: dict[str, Any], up: Any,
-           fov_y: float) -> Orbit:  # fmt: skip
+def _orbit(path: Path, gaussians: Gaussians, options: RenderOptions, how: dict[str, Any],
+           view: dict[str, Any]) -> Orbit:  # fmt: skip
     from tsplat.encode import encoder
-    from tsplat.framing import start_pose
+    from tsplat.first_view import first_view
     from tsplat.record.orbit import Orbit
 
     screen = size = how["width"], how["height"]
@@ -120,9 +120,9 @@ def _orbit(path: Path, gaussians: Gaussians, options: RenderOptions, how: dict[s
         columns, rows = how["columns"], how["rows"]
         across, down = encoder(how["output"]).pixels_per_cell(*FALLBACK_CELL)
         screen, size = (columns * FALLBACK_CELL[0], rows * FALLBACK_CELL[1]), (columns * across, rows * down)
-    start = start_pose(gaussians, aspect=screen[0] / screen[1], fov_y=fov_y, up=up)
+    start = first_view(gaussians, options, aspect=screen[0] / screen[1], **view).pose
     count = max(1, round(how["seconds"] * how["fps"]))
-    return Orbit(gaussians, options, start, screen, size, fov_y, count, how["turns"])
+    return Orbit(gaussians, options, start, screen, size, view["fov_y"], count, how["turns"])
 
 
 def _record_orbit(file: BinaryIO, path: Path, orbit: Orbit, how: dict[str, Any], title: str) -> str:

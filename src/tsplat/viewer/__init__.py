@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
 __all__ = ["view"]
 
-GREETING = "? keys   Tab settings   q quit"
-
 
 def view(
     gaussians: Gaussians | Stored,
@@ -28,6 +26,7 @@ def view(
     output: str | None = None,
     up: tuple[float, float, float] | None = None,
     fov_y: float = 55.0,
+    spz: bool = False,
     raw_opacity: bool = False,
     latency: float = LATENCY,
     dither: bool = False,
@@ -50,6 +49,8 @@ def view(
         Direction in the world that stays upright; guessed by default.
     fov_y : float
         Vertical field of view in degrees.
+    spz : bool
+        Whether the scene is an SPZ read as specified: it may be upside down all the same.
     raw_opacity : bool
         Whether the scene was loaded with raw opacities.
     latency : float
@@ -69,14 +70,13 @@ def view(
     OptionError
         There is no such output.
     """
-    from tsplat.drawing import framed_by
-    from tsplat.framing import start_pose
     from tsplat.terminal import choose_output, outputs
     from tsplat.viewer.detail import Detail
     from tsplat.viewer.loop import Viewer
     from tsplat.viewer.picture import screen_pixels
     from tsplat.viewer.recorder import Recorder
     from tsplat.viewer.scenes import scenes_of
+    from tsplat.viewer.starts import Starts, greeting
     from tsplat.viewer.state import ViewerState
 
     recorder = recorder or Recorder()
@@ -87,7 +87,8 @@ def view(
         if not recorder.takes(chosen):
             chosen = known[0]
         width, height = screen_pixels(size, chosen)
-        start = start_pose(framed_by(gaussians), aspect=width / height, fov_y=fov_y, up=up)
+        starts = Starts(gaussians, options, aspect=width / height, fov_y=fov_y, up=up, spz=spz)
+        start = starts.first.pose
         state = ViewerState(
             pose=start,
             start=start,
@@ -104,9 +105,9 @@ def view(
             threads=available_processors(),
             fov_y=fov_y,
             releases=session.profile.kitty_keyboard,
-            message=GREETING,
+            message=greeting(starts.first.up),
         )
         painter = recorder.painter(scenes_of(gaussians, raw_opacity=raw_opacity), session.profile)
         painter.dither, painter.detail = dither, Detail(gaussians, budget)
         pacer = Pacer(latency, remote=session.profile.remote)
-        Viewer(session, painter, state, f"tsplat-{name}", Path.cwd(), pacer).run()
+        Viewer(session, painter, state, f"tsplat-{name}", Path.cwd(), pacer, starts).run()

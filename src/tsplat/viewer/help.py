@@ -26,6 +26,7 @@ FLY = (
 COMMON = (
     ("O", "orbit by itself, on and off"),
     ("Z or Home", "back to the start view"),
+    ("U", "something else is up: the next of six"),
     ("M", "next output mode"),
     ("Tab", "settings and measurements"),
     ("P", "save this view as a PNG"),

@@ -25,6 +25,7 @@ from tsplat.viewer.file_watch import CHANGED, FileWatch
 from tsplat.viewer.hud import Measured, layout
 from tsplat.viewer.picture import HOME, Drawn, Painter, empty_cell, free_path
 from tsplat.viewer.spans import Span, erased
+from tsplat.viewer.starts import Starts
 from tsplat.viewer.state import Notice, Tick, ViewerState, overlay, picture
 from tsplat.viewer.update import update
 from tsplat.warmup import WarmUp
@@ -90,6 +91,8 @@ class Viewer:
         Where they go.
     pacer : Pacer, optional
         Says when the next frame may be sent and how good it may be.
+    starts : Starts, optional
+        Where a session begins, and where it goes on when something else is to be up.
     """
 
     def __init__(
@@ -100,10 +103,11 @@ class Viewer:
         name: str,
         folder: Path,
         pacer: Pacer | None = None,
+        starts: Starts | None = None,
     ) -> None:
         self.session, self.painter, self.state = session, painter, state
         self.name, self.folder = name, folder
-        self.pacer = pacer or Pacer()
+        self.pacer, self.starts = pacer or Pacer(), starts
         self.watch = FileWatch(painter.file)
         self.pieces: Iterator[bytes] | None = None
         self.next_frame = 0.0
@@ -129,6 +133,8 @@ class Viewer:
 
     def _run(self) -> None:
         self.warm_up()
+        if self.starts and self.state.running:
+            self.state = self.starts.settled(self.state)
         self.send(b"")  # how long the way is shows best on a frame of nothing
         last_tick: float | None = None
         while self.state.running:
@@ -197,6 +203,8 @@ class Viewer:
             before, self.state = self.state, update(self.state, event)
             if self.state.pictures != before.pictures:
                 self.save_picture()
+            if self.state.ups != before.ups and self.starts:
+                self.state = self.starts.turned(self.state)
             if self.state.reloads != before.reloads and self.painter.file:
                 self.reload()
             if self.state.suspends != before.suspends:

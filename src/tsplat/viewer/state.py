@@ -117,8 +117,8 @@ class ViewerState:
         Whether the terminal reports that a key went up.
     grabbed : tuple of (float, float, str), or None
         Column, row and button of the drag under way.
-    pictures, suspends, reloads : int
-        How many times P, Ctrl-Z and Ctrl-R were pressed; the loop acts once for each.
+    pictures, ups, suspends, reloads : int
+        How many times P, U, Ctrl-Z and Ctrl-R were pressed; the loop acts once for each.
     threads : int
         Processors there are.
     density : float
@@ -157,6 +157,7 @@ class ViewerState:
     message: str = ""
     screens: int = 0
     pictures: int = 0
+    ups: int = 0
     suspends: int = 0
     reloads: int = 0
     running: bool = True
@@ -184,6 +185,7 @@ def picture(state: ViewerState) -> ViewerState:
         message="",
         screens=0,
         pictures=0,
+        ups=0,
         suspends=0,
         reloads=0,
         running=True,

@@ -135,6 +135,7 @@ COMMANDS: dict[str, Callable[[ViewerState], ViewerState]] = {
     "o": _toggle_auto_orbit,
     "z": _home,
     "home": _home,
+    "u": lambda state: replace(state, ups=state.ups + 1),
     "m": _next_output,
     "tab": _panel("hud"),
     "?": _panel("help"),
