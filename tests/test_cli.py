@@ -87,6 +87,21 @@ def test_a_camera_inside_its_target_is_one_line(capsys: pytest.CaptureFixture[st
     assert "target - eye" in line
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="limits the addresses of a process")
+def test_too_little_memory_is_one_line(scene: Path, tmp_path: Path) -> None:
+    import resource
+
+    def limited() -> None:
+        resource.setrlimit(resource.RLIMIT_AS, (3 << 30, 3 << 30))
+
+    out = tmp_path / "large.png"
+    ended = process("render", scene, "-o", out, "--width", 16384, "--height", 16384, preexec_fn=limited)
+    assert (ended.returncode, ended.stdout) == (2, b"")
+    said = ended.stderr.removeprefix(COMPILING).decode()
+    assert re.fullmatch(r"tsplat: there is not enough memory \(.*\); .* a smaller picture need less\n", said)
+    assert not any(tmp_path.iterdir())
+
+
 def test_a_folder_that_is_not_there_is_one_line(capsys: pytest.CaptureFixture[str], scene: Path) -> None:
     line = failure(capsys, "render", scene, "-o", scene.parent / "none" / "x.png", "--width", 8, "--height", 8)
     assert "cannot be written" in line
@@ -179,6 +194,12 @@ def test_a_level_of_detail_is_for_streamed_scenes(capsys: pytest.CaptureFixture[
     for args in (["render", scene, "-o", "x.png"], ["info", scene], ["bench", scene], [scene]):
         assert "lod must be 0 in a scene that is not streamed" in failure(capsys, *args, "--lod", 2)
     assert "'few' is not a level of detail, 0 or more, or all" in failure(capsys, "info", scene, "--lod", "few")
+
+
+def test_an_allowance_of_memory_does_not_change_the_picture(scene: Path, tmp_path: Path) -> None:
+    np.testing.assert_array_equal(
+        rendered(scene, tmp_path, "--memory", "0.00001"), rendered(scene, tmp_path, "--memory", "1")
+    )
 
 
 def test_threads_do_not_change_the_picture(scene: Path, tmp_path: Path) -> None:

@@ -61,8 +61,10 @@ def main(args: Sequence[str] | None = None) -> int:
         except (click.ClickException, TsplatError) as error:
             return _fail(error.format_message() if isinstance(error, click.ClickException) else str(error))
         except MemoryError as error:
-            wanted = f" for {error}" if str(error) else ""
-            return _fail(f"not enough memory{wanted}; fewer splats (--max-splats) or a smaller picture need less")
+            wanted = f" ({error})" if str(error) else ""
+            return _fail(
+                f"there is not enough memory{wanted}; fewer splats (--max-splats) or a smaller picture need less"
+            )
         except BrokenPipeError:
             return 1  # the reader has seen enough
         except Exception as error:

@@ -106,7 +106,7 @@ def test_nothing_is_wrong_with_random_splats() -> None:
         ("raw_opacity", logits_taken_for_opacities, COUNT),
         ("raw_opacity", bytes_of_those, COUNT),
         ("hard_opacity", put("opacities", slice(None), 1.0), COUNT),
-        ("reset", put("opacities", slice(None), 0.01), COUNT),
+        ("reset_opacity", put("opacities", slice(None), 0.01), COUNT),
         ("colors", put("sh", (slice(6), 0, 2), 40.0), 6),
         ("colors", put("sh", (slice(6), 0, 0), -40.0), 6),
     ],

@@ -18,7 +18,7 @@ from tests.io.sogs import zipped
 from tests.io.test_npz import trained
 from tests.scenes import random_gaussians
 from tsplat import io
-from tsplat.errors import CorruptFileError, LoadWarning
+from tsplat.errors import CorruptFileError, LoadError
 from tsplat.io.on_disk import look
 
 COUNT, ROWS = 49, 5
@@ -156,8 +156,8 @@ def test_a_folder_that_lies_is_one_clear_line(tmp_path: Path, lie: str) -> None:
 def test_ranges_beyond_float32_are_splats_that_cannot_be_drawn(tmp_path: Path) -> None:
     files = some_files(0)
     changed("means", lambda field: field.update(maxs=[1e300, 1, 1], mins=[-1e300, 0, 0]))(files)
-    with pytest.warns(LoadWarning, match=f"dropped {COUNT} of {COUNT} splats"):
-        assert len(io.load(folder_of(tmp_path, files))) == 0
+    with pytest.raises(LoadError, match=f"none of its {COUNT} splats can be drawn"):
+        io.load(folder_of(tmp_path, files))
 
 
 def test_more_splats_than_means_have_bytes_are_refused_before_they_are_decoded(tmp_path: Path) -> None:

@@ -134,6 +134,9 @@ def _starts(path: Path, content: bytes, progress: Callable[[float], None]) -> np
         progress(0.5 * rows.stop / count)
     if position > size:
         raise _ended(path, count - 1, count, size)
+    if position < size:
+        problem = f"goes on for {size - position} bytes behind its {count} points"
+        raise CorruptFileError(path, f"{problem}; it is something else, or damaged, fetch it again", position)
     return starts
 
 

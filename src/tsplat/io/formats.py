@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -56,6 +57,8 @@ class Format:
         The highest that is written.
     keeps : set of str
         What is written beside the splats, see `tsplat.io.losses.lacks`.
+    is_text : bool
+        Whether it is plain text: rows of numbers, which its name alone may tell from others.
     """
 
     name: str
@@ -66,6 +69,11 @@ class Format:
     levels: bool = False
     sh_degree: int = 3
     keeps: frozenset[str] = frozenset()
+    is_text: bool = False
+
+    def is_numbers(self, head: bytes) -> bool:
+        """Tell whether it is plain text, and a file begins as such with a number."""
+        return self.is_text and re.match(rb"\s*[-+.\d]*\d\s", head) is not None
 
     def losses(self, gaussians: Gaussians) -> list[str]:
         """Return what the format has no place for."""
@@ -88,7 +96,13 @@ FORMATS = (
         compressed_ply_write.write,
         keeps=SAYS_ALL - {"origin", "extra"},
     ),
-    Format("COLMAP points", ("points3d.txt",), colmap_points.matches_text, colmap_points.read_text),
+    Format(
+        "COLMAP points",
+        ("points3d.txt",),
+        colmap_points.matches_text,
+        colmap_points.read_text,
+        is_text=True,
+    ),
     Format("COLMAP points", ("points3d.bin",), colmap_points.matches_binary, colmap_points.read_binary),
     Format("NumPy", (".npz",), npz.matches, npz.read),
     Format("SOG", (".sog",), sog.matches, sog.read, sog_write.write, levels=True, keeps=SAYS_TRAINING),

@@ -137,9 +137,8 @@ def _text_rows(file: BinaryIO, path: Path, element: Element, shifts: Shifts) -> 
                 rows = values.astype(np.float32)
         except ValueError as error:
             row, word = first_other(lines)
-            problem = (
-                f"row {first + row} of {shown(element.name)} holds a word that is no number, {shown(word, 24)}"
-            )
+            seen = shown(word.decode("latin-1"), 24)
+            problem = f"row {first + row} of {shown(element.name)} holds a word that is no number, {seen}"
             cure = "write decimals with a point" if b"," in word else "the file is damaged, fetch it again"
             raise CorruptFileError(path, f"{problem}; {cure}", start) from error
         yield rows

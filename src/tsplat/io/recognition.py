@@ -36,7 +36,9 @@ def recognized(path: Path, asked: str | None = None) -> Format:
     """
     head = read_head(path)
     kind = _kind_of_json(path, head)
-    if kind is None and not fitting_formats(head[:HEAD_BYTES]) and (problem := no_scene(head, str(path))):
+    known = find_format(head[:HEAD_BYTES], path.name)
+    unknown = kind is None and not fitting_formats(head[:HEAD_BYTES]) and not (known and known.is_numbers(head))
+    if unknown and (problem := no_scene(head, str(path))):
         raise LoadError(path, problem)
     if asked:
         return _called(f".{asked}")
@@ -44,7 +46,6 @@ def recognized(path: Path, asked: str | None = None) -> Format:
         return next(known for known in FORMATS if known.name == "gsplat PNG")
     if kind:
         return _called(JSON_FORMATS[kind])
-    known = find_format(head[:HEAD_BYTES], path.name)
     if known is None and is_splat(path):
         known = _called(".splat")
     if known is None:

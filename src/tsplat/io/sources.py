@@ -101,10 +101,11 @@ def local_file(
             yield Path(found), progress
             return
         with TemporaryFolder() as folder, legible(found, folder):
-            place = place_in(folder, found)
+            place, names = place_in(folder, found), {}
             if f".{format}" in UNMARKED and place.suffix.lower() not in UNMARKED:
                 place = place.with_name(f"{place.name}.{format}")  # nothing in it says what it is
-            with calling({str(place): called(found)}):
+                names[str(place)] = called(found)
+            with calling(names):
                 _get(found, place, lod, lambda fraction: progress(GETTING * fraction), fetched)
                 place = _unzipped(place if place.exists() else Path(found), unzipped_in(folder, found))
                 yield place, lambda fraction: progress(GETTING + (1.0 - GETTING) * fraction)
