@@ -39,7 +39,8 @@ def find_origin(points: npt.NDArray[np.floating]) -> Vector | None:
     points : ndarray, [N, 3]
         Centres in the world; rows with nan or inf are passed over.
     """
-    sample = points[:: 1 + len(points) // SAMPLE].astype(np.float64)
+    with np.errstate(invalid="ignore"):
+        sample = points[:: 1 + len(points) // SAMPLE].astype(np.float64)
     sample = sample[np.isfinite(sample).all(axis=1)]
     if len(sample) < 2:
         return None
@@ -57,7 +58,8 @@ def take_off(means: F32, origin: Vector) -> None:
     """Subtract an origin from centres in place, in float64."""
     for first in range(0, len(means), SAMPLE):
         part = means[first : first + SAMPLE]
-        part[:] = part.astype(np.float64) - origin
+        with np.errstate(all="ignore"):
+            part[:] = part.astype(np.float64) - origin
 
 
 def world_means(gaussians: Gaussians) -> F64:

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from tests.io.gltfs import load_made, scene_of
-from tests.io.plys import Table, one_splat, ply_bytes, splat_names
+from tests.io.plys import Table, one_splat, ply_bytes, row_bytes, splat_names
 from tests.scenes import random_gaussians
 from tsplat import edit, io
-from tsplat.errors import SaveError, SaveWarning
+from tsplat.errors import LoadWarning, SaveError, SaveWarning
 from tsplat.lod import open_stored, store
 from tsplat.origin import world_means
 
@@ -90,3 +90,16 @@ def test_other_formats_say_that_they_do_not_and_strict_refuses(tmp_path: Path, s
     assert any("is up is left out" in str(each.message) for each in caught) == (suffix != ".compressed.ply")
     assert after.origin is None
     assert np.abs(after.means).max() < 1e3
+
+
+def test_a_number_that_signals_when_it_is_cast_costs_its_own_splat(tmp_path: Path) -> None:
+    columns = [("double" if name == "x" else "float", name) for name in splat_names(0)]
+    rows = [one_splat(x=number, opacity=2.0) for number in range(4)]
+    content = bytearray(ply_bytes([Table("vertex", columns, rows)]))
+    signalling = np.uint32(0x7FA00001).tobytes()  # y of the last splat
+    at = len(content) - len(row_bytes(Table("vertex", columns), rows[3], "binary_little_endian")) + 8
+    content[at : at + 4] = signalling
+    path = tmp_path / "scene.ply"
+    path.write_bytes(content)
+    with pytest.warns(LoadWarning, match="dropped 1 of 4 splats"):
+        assert len(io.load(path)) == 3

@@ -51,7 +51,8 @@ def _of_records(file: BinaryIO, header: Header, element: Element, start: int, co
         file.seek(start + first * record.itemsize)
         raw = file.read(min(RUN, element.count - first) * record.itemsize)
         rows = np.frombuffer(raw[: len(raw) - len(raw) % record.itemsize], record)
-        runs.append(np.stack([rows[element.names[column]].astype(np.float64) for column in columns], axis=1))
+        with np.errstate(invalid="ignore"):  # any bits may be there, of numbers that signal when they are cast too
+            runs.append(np.stack([rows[element.names[column]].astype(np.float64) for column in columns], axis=1))
     return np.concatenate(runs) if runs else np.empty((0, 3))
 
 

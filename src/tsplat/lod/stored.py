@@ -134,6 +134,8 @@ def tree_of(mapped: Mapped) -> Hierarchy:
         coefficients=counts.coefficients,
         bounds=arrays["bounds"],
         blocks=np.arange(counts.blocks, dtype=np.int32),
+        quats=arrays["quats"],
+        scales=arrays["scales"],
     )
     tree = binary_tree(firsts, scene, arrays["sizes"], arrays["errors"], arrays["solidities"])
     tree.check = mapped.check_size

@@ -149,6 +149,8 @@ class Frame(NamedTuple):
     log2_opacities: F32
     base_colors: F32
     sh_rest: npt.NDArray[np.uint16]
+    quats: F32
+    scales: F32
     records: F32
     halves: npt.NDArray[np.uint16]
     depth_keys: npt.NDArray[np.uint32]
@@ -263,6 +265,8 @@ def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs
         log2_opacities=scene.log2_opacities,
         base_colors=scene.base_colors,
         sh_rest=scene.sh_rest,
+        quats=scene.quats,
+        scales=scene.scales,
         records=records,
         halves=records.view(np.uint16),
         depth_keys=buffers.array("depth_keys", padded, np.uint32),

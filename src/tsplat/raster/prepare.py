@@ -79,6 +79,8 @@ class Prepared:
         Of each block: the middle of its centres, how far any is from there, and the largest scale of a splat.
     blocks : ndarray of int32, [blocks]
         All of them, in order.
+    quats, scales : ndarray of float32, [4 * N] and [3 * N]
+        Those of the first N splats, from which needles are shaped; none of merged ones.
     buffers : Buffers
         What grows with the image and with the blocks drawn.
     last_size, last_frame, last_known
@@ -98,6 +100,8 @@ class Prepared:
     coefficients: int
     bounds: F32
     blocks: npt.NDArray[np.int32]
+    quats: F32 = field(default_factory=lambda: np.empty(0, np.float32))
+    scales: F32 = field(default_factory=lambda: np.empty(0, np.float32))
     buffers: Buffers = field(default_factory=Buffers)
     last_size: tuple[int, ...] = ()
     last_frame: Any = None
@@ -132,6 +136,7 @@ def _prepare(gaussians: Gaussians, threads: int) -> Prepared:
     team = new_team(1)
     job = _Job(team, np.empty((threads, 8), np.float32), *gaussians.arrays, scene.target())
     on_threads(threads, team, _prepare_blocks.on(job))
+    scene.quats, scene.scales = gaussians.quats.reshape(-1), gaussians.scales.reshape(-1)
     return scene
 
 
@@ -183,23 +188,29 @@ def _prepare_blocks(worker, job):
 
 @part
 def covariance_of(quats, scales, i, covars, at, stride):
-    """Write the upper triangle of a splat's covariance to ``covars[at]`` and every ``stride`` after it.
+    """Write the upper triangle of a splat's covariance to ``covars[at]`` and every ``stride`` after it."""
+    xx, xy, xz, yy, yz, zz = covariance(
+        quats[i, 0], quats[i, 1], quats[i, 2], quats[i, 3], scales[i, 0], scales[i, 1], scales[i, 2]
+    )
+    covars[at], covars[stride + at], covars[2 * stride + at] = xx, xy, xz
+    covars[3 * stride + at], covars[4 * stride + at], covars[5 * stride + at] = yy, yz, zz
 
-    Summed in float64: of a needle's thin sides float32 leaves few digits as it is.
-    """
-    w, x, y, z = (
-        np.float64(quats[i, 0]), np.float64(quats[i, 1]), np.float64(quats[i, 2]), np.float64(quats[i, 3])
-    )  # fmt: skip
-    sx, sy, sz = np.float64(scales[i, 0]), np.float64(scales[i, 1]), np.float64(scales[i, 2])
+
+@part
+def covariance(w, x, y, z, sx, sy, sz):
+    """Return the upper triangle of a covariance in float64: float32 leaves few digits of a needle's thin sides."""
+    w, x, y, z = np.float64(w), np.float64(x), np.float64(y), np.float64(z)
     xx, xy, xz = (1.0 - 2.0 * (y * y + z * z)) * sx, 2.0 * (x * y - w * z) * sy, 2.0 * (x * z + w * y) * sz
     yx, yy, yz = 2.0 * (x * y + w * z) * sx, (1.0 - 2.0 * (x * x + z * z)) * sy, 2.0 * (y * z - w * x) * sz
     zx, zy, zz = 2.0 * (x * z - w * y) * sx, 2.0 * (y * z + w * x) * sy, (1.0 - 2.0 * (x * x + y * y)) * sz
-    covars[at] = xx * xx + xy * xy + xz * xz
-    covars[stride + at] = xx * yx + xy * yy + xz * yz
-    covars[2 * stride + at] = xx * zx + xy * zy + xz * zz
-    covars[3 * stride + at] = yx * yx + yy * yy + yz * yz
-    covars[4 * stride + at] = yx * zx + yy * zy + yz * zz
-    covars[5 * stride + at] = zx * zx + zy * zy + zz * zz
+    return (
+        xx * xx + xy * xy + xz * xz,
+        xx * yx + xy * yy + xz * yz,
+        xx * zx + xy * zy + xz * zz,
+        yx * yx + yy * yy + yz * yz,
+        yx * zx + yy * zy + yz * zz,
+        zx * zx + zy * zy + zz * zz,
+    )
 
 
 @part

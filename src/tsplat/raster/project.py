@@ -18,7 +18,7 @@ from tsplat.raster import record as col
 from tsplat.raster.cells import TILE
 from tsplat.raster.falloff import LOG2_E, OFFSET, SCALE
 from tsplat.raster.frame import NEXT_BLOCK
-from tsplat.raster.prepare import BLOCK, HALF_MAX
+from tsplat.raster.prepare import BLOCK, HALF_MAX, covariance
 from tsplat.raster.sh import color_eight
 from tsplat.raster.sight import in_sight
 from tsplat.raster.train_depths import NOT_YET, fill_train_depths
@@ -226,7 +226,7 @@ def _sharpen(i, k, frame, scratch):
     gx, gy = fx / z, fy / z
     j00, j01, j02 = gx * (r00 - u * r20), gx * (r01 - u * r21), gx * (r02 - u * r22)
     j10, j11, j12 = gy * (r10 - v * r20), gy * (r11 - v * r21), gy * (r12 - v * r22)
-    xx, xy, xz, yy, yz, zz = frame.covars[i::splats]
+    xx, xy, xz, yy, yz, zz = _sharp_covariance(i, splats, frame)
     a = _between(j00, j01, j02, j00, j01, j02, xx, xy, xz, yy, yz, zz)
     b = _between(j10, j11, j12, j00, j01, j02, xx, xy, xz, yy, yz, zz)
     d = _between(j10, j11, j12, j10, j11, j12, xx, xy, xz, yy, yz, zz)
@@ -247,6 +247,18 @@ def _sharpen(i, k, frame, scratch):
     scratch[np.uint64(col.CONIC_B) * STRIDE + k] = -2.0 * conic * b
     scratch[np.uint64(col.CONIC_C) * STRIDE + k] = conic * a
     scratch[np.uint64(col.PEAK) * STRIDE + k] = SCALE * log2_opacity + OFFSET
+
+
+@part
+def _sharp_covariance(i, splats, frame):
+    """Return a covariance in float64: of what it was made of where that is known, else as it was rounded."""
+    three, four = np.uint64(3) * i, np.uint64(4) * i
+    if three < np.uint64(len(frame.scales)):
+        w, x, y, z = frame.quats[four : four + np.uint64(4)]
+        sx, sy, sz = frame.scales[three : three + np.uint64(3)]
+        return covariance(w, x, y, z, sx, sy, sz)
+    xx, xy, xz, yy, yz, zz = frame.covars[i::splats]
+    return np.float64(xx), np.float64(xy), np.float64(xz), np.float64(yy), np.float64(yz), np.float64(zz)
 
 
 @part
