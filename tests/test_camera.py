@@ -80,7 +80,7 @@ def test_looking_along_up_still_makes_a_camera(up: tuple[float, float, float]) -
         ({"up": (0, 1)}, "up must be"),
         ({"fov_y": 0.0}, "fov_y must be between 0 and 180"),
         ({"fov_y": 180.0}, "fov_y must be between"),
-        ({"fov_y": math.nan}, "fov_y must be between"),
+        ({"fov_y": math.nan}, "fov_y must be degrees, got nan"),
         ({"width": 0}, "width must be 1 to 16384, got 0"),
         ({"height": 16385}, "height must be 1 to 16384"),
     ],

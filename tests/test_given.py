@@ -136,7 +136,9 @@ CASES: list[tuple[str, Call, Values]] = [
     ("join", join, (5, None, [], SCENE, {SCENE}, "x")),
     ("progress", lambda call: tsplat.load(io.demo_path(), progress=call), (5, "x")),
     ("raw_opacity", lambda flag: LoadOptions(raw_opacity=flag), (1, "yes", None)),
-    ("spz_frame", lambda name: LoadOptions(spz_frame=name), (1, "x" * 1000, None, ["rub"], np.zeros(2))),
+    ("spz_frame", lambda name: LoadOptions(spz_frame=name), (1, "x" * 1000, ["rub"], np.zeros(2))),
+    ("format", lambda name: LoadOptions(format=name), (1, "x" * 1000, ["ply"], np.zeros(2))),
+    ("extra", lambda flag: LoadOptions(extra=flag), (1, "yes", None)),
     ("antialiased", lambda flag: tsplat.Gaussians(*SCENE.arrays, flag), (1, "yes", None, np.zeros(2))),
 ]
 

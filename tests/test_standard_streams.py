@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from tsplat import __version__, cli
+from tsplat._kernel_cache import cache_folder
 
 pytestmark = [
     pytest.mark.usefixtures("compiled"),
@@ -42,7 +43,10 @@ LOST = "tsplat: standard output: cannot be written: "
 def shell(command: str, redirected: str, folder: Path) -> subprocess.CompletedProcess[str]:
     """Run a command of tsplat in a shell that sends its streams elsewhere."""
     words = command.format(folder / "out")
-    environment = {**os.environ, "XDG_CACHE_HOME": str(folder), "LC_ALL": "C.UTF-8"}
+    kernels = cache_folder()
+    assert kernels  # nothing is compiled again where other things are kept elsewhere
+    environment = {"NUMBA_CACHE_DIR": str(kernels.parent), **os.environ, "XDG_CACHE_HOME": str(folder)}
+    environment["LC_ALL"] = "C.UTF-8"
     environment.pop("PYTHONUNBUFFERED", None)  # what is in a buffer is tried again when Python ends
     line = f"exec '{sys.executable}' -m tsplat {words} {redirected}"
     return subprocess.run(

@@ -226,9 +226,9 @@ def intrinsics(width: int, height: int, fov_y: float) -> F64:
     width, height = _side("width", width), _side("height", height)
     fov_y = real("fov_y", fov_y, "degrees", error=CameraError)
     half = math.tan(0.5 * math.radians(fov_y)) if 0.0 < fov_y < 180.0 else 0.0
-    if half == 0.0:  # which also the tangent of the smallest numbers is
+    focal = 0.5 * height / half if half else math.inf
+    if not math.isfinite(focal):  # which also the smallest angles lead to
         raise CameraError(f"fov_y must be between 0 and 180 degrees, got {fov_y}")
-    focal = 0.5 * height / half
     return np.array([[focal, 0.0, 0.5 * width], [0.0, focal, 0.5 * height], [0.0, 0.0, 1.0]])
 
 

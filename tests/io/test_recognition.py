@@ -23,6 +23,7 @@ SUFFIXES = [".ply", ".compressed.ply", ".spz", ".sog", ".splat", ".gltf", ".glb"
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
 @pytest.mark.parametrize("name", ["scene", "scene.bin", "download.1", "scene.json", "scene.zip"])
+@pytest.mark.filterwarnings("ignore::tsplat.errors.SaveWarning")  # a .splat has no harmonics
 def test_a_scene_of_an_odd_name_is_known_by_what_it_holds(tmp_path: Path, suffix: str, name: str) -> None:
     saved = io.save(tmp_path / f"saved{suffix}", SCENE)
     odd = tmp_path / name
@@ -34,6 +35,7 @@ def test_a_scene_of_an_odd_name_is_known_by_what_it_holds(tmp_path: Path, suffix
 
 
 @pytest.mark.parametrize("suffix", [suffix for suffix in SUFFIXES if suffix != ".compressed.ply"])
+@pytest.mark.filterwarnings("ignore::tsplat.errors.SaveWarning")  # a .splat has no harmonics
 def test_a_format_may_be_asked_for(tmp_path: Path, suffix: str) -> None:
     saved = io.save(tmp_path / f"saved{suffix}", SCENE)
     odd = tmp_path / "scene.ksplat"
@@ -43,6 +45,7 @@ def test_a_format_may_be_asked_for(tmp_path: Path, suffix: str) -> None:
         io.load(saved, format="npz")
 
 
+@pytest.mark.filterwarnings("ignore::tsplat.errors.SaveWarning")  # a .splat has no harmonics
 def test_a_splat_is_known_by_how_it_begins_too(tmp_path: Path, rng: np.random.Generator) -> None:
     head = io.save(tmp_path / "saved.splat", SCENE).read_bytes()[:1024]
     assert may_be_splat(head)
@@ -50,6 +53,7 @@ def test_a_splat_is_known_by_how_it_begins_too(tmp_path: Path, rng: np.random.Ge
     assert not any(map(may_be_splat, (b"", head[:31], head[1:], bytes(1024), rng.bytes(1024))))
 
 
+@pytest.mark.filterwarnings("ignore::tsplat.errors.SaveWarning")  # a .splat has no harmonics
 def test_bytes_of_something_else_are_no_records(tmp_path: Path, rng: np.random.Generator) -> None:
     saved = io.save(tmp_path / "saved.splat", SCENE).read_bytes()
     for raw in (rng.bytes(3200), bytes(3200), saved[:-1], saved[3:-29], b"\x80" * 3200):

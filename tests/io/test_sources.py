@@ -110,6 +110,7 @@ def test_a_packed_scene_is_the_scene(tmp_path: Path, suffix: str) -> None:
 
 @pytest.mark.parametrize("suffix", [".ply", ".compressed.ply", ".spz", ".sog", ".splat", ".gltf", ".glb"])
 @pytest.mark.parametrize("pack", [bytes, gzip.compress])
+@pytest.mark.filterwarnings("ignore::tsplat.errors.SaveWarning")  # a .splat has no harmonics
 def test_a_piped_scene_is_the_scene(tmp_path: Path, suffix: str, pack: Callable[[bytes], bytes]) -> None:
     content = scene_bytes(tmp_path, suffix)
     plain = tmp_path / f"scene{suffix}"
@@ -145,9 +146,12 @@ def test_what_is_piped_or_packed_without_end_and_is_no_scene_is_given_up_soon(
 ) -> None:
     path = tmp_path / "scene.ply.gz"
     path.write_bytes(gzip.compress(content * (1 << 22)))
-    with pytest.raises(CorruptFileError, match=r"scene\.ply\.gz: at byte 0: begins with .*, expected 'ply'"):
+    with pytest.raises(LoadError, match=r"scene\.ply\.gz: (at byte 0: begins with .*, expected 'ply'|is text)"):
         io.load(path)
-    with piped_forever(content * (1 << 16)), pytest.raises(LoadError, match="standard input: at byte 0: "):
+    with (
+        piped_forever(content * (1 << 16)),
+        pytest.raises(LoadError, match=r"standard input: (at byte 0: |is text)"),
+    ):
         io.load("-")
 
 

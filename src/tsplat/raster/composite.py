@@ -19,7 +19,7 @@ from tsplat.raster import record as packed
 from tsplat.raster import tile as channel
 from tsplat.raster.cells import CELL, CELLS, CUTS, GRID, SHAPES, TILE, touch
 from tsplat.raster.falloff import LOG2_E, OFFSET, SCALE, alpha_of
-from tsplat.raster.frame import BLENDS, NEXT_TILE
+from tsplat.raster.frame import BLENDS, KEY_SHIFT, NEXT_TILE
 from tsplat.raster.tile import CELL_SIZE, TILE_SIZE, clear, write, write_background
 from tsplat.rendering import ALPHA_MAX, TRANSMITTANCE_MIN
 
@@ -93,8 +93,8 @@ def _fill_batch(frame, next_, end, left, top, live, batch, shapes, touched, dept
             store(batch, member + col.UNPACKED, load_half(halves, (2 * record + 1) * packed.LENGTH))
             batch[np.uint64(member + col.CUT)] = shapes[np.uint64(CUTS + lane)]
             if depths is not None:
-                batch[np.uint64(member + col.DEPTH)] = np.uint32(frame.depth_keys[np.uint64(record)]).view(
-                    np.float32
+                batch[np.uint64(member + col.DEPTH)] = _depth(
+                    frame.depth_keys[np.uint64(record)], frame.nearest_key
                 )
             touched[np.uint64(members)] = cells
             members += 1 if cells != 0 else 0  # what touches nothing is overwritten
@@ -106,6 +106,13 @@ def _fill_batch(frame, next_, end, left, top, live, batch, shapes, touched, dept
 @part
 def _record(isect_ids, i):
     return np.int64(isect_ids[np.uint64(i)])
+
+
+@part
+def _depth(key, nearest_key):
+    """Return the depth that has this key: what the key lacks of it is less than float32 holds."""
+    bits = (np.uint64(key) + np.uint64(nearest_key)) << np.uint64(KEY_SHIFT)
+    return np.float32(np.uint64(bits).view(np.float64))
 
 
 @part

@@ -37,8 +37,12 @@ SORT_BITS = 9
 """Of a depth, in the first two passes of the sort: these write to so few places at a time that the first-level
 cache holds them."""
 
-HIGH_BUCKETS = 1 << (31 - 2 * SORT_BITS)
-"""Of the last pass: depths are positive, so there is no sign bit."""
+HIGH_BUCKETS = 1 << (32 - 2 * SORT_BITS)
+"""Of the last pass."""
+
+KEY_SHIFT = 26
+"""Low bits of a float64 depth that are not in its key. So a key has three more than float32 has, whose rounding
+shows on moving walls, and 64 doublings of the near plane fit into 32 bits."""
 
 SPLAT_BYTES = 4 * LENGTH + 4 + 8 + 8 + 4 + 8
 """Of a frame for each splat of its blocks: a record, its key, and by what it is sorted and listed."""
@@ -46,7 +50,7 @@ SPLAT_BYTES = 4 * LENGTH + 4 + 8 + 8 + 4 + 8
 PAIR_BYTES = 4
 """Of a frame for each pair of a tile and a splat."""
 
-SCRATCH_ROWS = 21
+SCRATCH_ROWS = 22
 SCRATCH = SCRATCH_ROWS * BLOCK
 """float32 values of a worker's own memory; project and composite use it in turn, in the first-level cache."""
 
@@ -60,7 +64,7 @@ worker's depths."""
 NONE = np.empty(0, np.float32)
 """In place of an array that a frame does without."""
 
-OWN = 10
+OWN = 11
 """Fields of a frame that are its own, the first ones; it shares the others with the next one of its size."""
 
 STAGES = ("project", "sort", "bin", "composite")
@@ -112,6 +116,8 @@ class Frame(NamedTuple):
         The camera's and the options', see `camera_numbers`.
     viewmat : ndarray of float64, [12]
         The first three rows of the world-to-camera matrix.
+    nearest_key : int
+        What all keys are counted from: that of the near plane.
     blocks : ndarray of int32, [B]
         Which blocks of the scene are drawn.
     train_depths, frusta : ndarray of float32
@@ -121,7 +127,7 @@ class Frame(NamedTuple):
     records : ndarray of float32, [B * BLOCK * 8]
         One row for each visible splat, see `record`; those of a block start where it would if only these were.
     depth_keys : ndarray of uint32, [B * BLOCK]
-        The bits of the depth of each record, as float32: it is sorted by them.
+        What each record is sorted by, see `depth_key`.
     tiles : ndarray of uint64, [B * BLOCK]
         First tile of each record, 16 bits of its column and then of its row; above, the last tile.
     visible : ndarray of int32, [B]
@@ -132,6 +138,7 @@ class Frame(NamedTuple):
 
     numbers: F32
     viewmat: npt.NDArray[np.float64]
+    nearest_key: int
     image: Image
     blocks: npt.NDArray[np.int32]
     coefficients: int
@@ -212,6 +219,7 @@ def new_frame(
     own = (
         camera_numbers(camera, options, window.pixels(camera.width, camera.height)),
         camera.viewmat.ravel()[:12],
+        depth_key(options.near_plane),
         image or new_image(scene, camera, options),
         blocks,
         scene.coefficients_used(options.sh_degree),
@@ -219,6 +227,11 @@ def new_frame(
         *window,
     )
     return Frame(*own, *scene.last_frame[OWN:])
+
+
+def depth_key(depth: float) -> int:
+    """Return the bits of a positive depth that it is sorted by, those of `KEY_SHIFT` left out."""
+    return int(np.float64(depth).view(np.uint64)) >> KEY_SHIFT
 
 
 def sight(scene: Prepared, camera: Camera, options: RenderOptions, window: Window) -> tuple[F32, F32]:
@@ -248,6 +261,7 @@ def _frame_of_size(scene: Prepared, width: int, height: int, workers: int, pairs
     return Frame(
         numbers=NONE,
         viewmat=NONE.astype(np.float64),
+        nearest_key=0,
         image=Image(width, height, NONE, NONE, NONE, None),
         blocks=scene.blocks,
         coefficients=0,

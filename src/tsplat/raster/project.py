@@ -17,7 +17,7 @@ from tsplat._threads import meet, take
 from tsplat.raster import record as col
 from tsplat.raster.cells import TILE
 from tsplat.raster.falloff import LOG2_E, OFFSET, SCALE
-from tsplat.raster.frame import NEXT_BLOCK
+from tsplat.raster.frame import KEY_SHIFT, NEXT_BLOCK
 from tsplat.raster.prepare import BLOCK, HALF_MAX, covariance
 from tsplat.raster.sh import color_eight
 from tsplat.raster.sight import in_sight
@@ -32,6 +32,7 @@ RED, GREEN, BLUE, DEPTH = 8, 9, 10, 11
 SEEN, FIRST_TILE, LAST_TILE = 12, 13, 14
 # Then what the loops hand to each other.
 INVERSE_Z, A, B, D, SQUARED_RADIUS, LENGTHINESS = 15, 16, 17, 18, 19, 20
+KEY = 21
 
 ROWS_BY_SPLAT = 20 * BLOCK
 """Behind the first of these rows, the records of eight splats, at the end."""
@@ -86,7 +87,7 @@ def _project_block(start, frame, scratch):
     A few loops in place of one: each is short enough for the processor to have several of its rounds under way.
     """
     numbers = frame.numbers
-    _project_means(start, frame.viewmat, frame.means, scratch)
+    _project_means(start, frame.viewmat, frame.nearest_key, frame.means, scratch)
     _project_covars(start, numbers, frame.covars, scratch)
     if numbers[37] > 0:
         _widen_near(start, numbers, frame.train_depths, scratch)
@@ -99,19 +100,22 @@ def _project_block(start, frame, scratch):
 
 
 @part
-def _project_means(start, viewmat, means, scratch):
-    """Fill X and Y, still at depth 1, and DEPTH and INVERSE_Z.
+def _project_means(start, viewmat, nearest_key, means, scratch):
+    """Fill X and Y, still at depth 1, DEPTH and INVERSE_Z, and KEY.
 
     Sums are those of float64: through a long lens, or far from the origin, float32 would leave a splat beside its
     place, and order those of one wall anew in each frame.
     """
     r00, r01, r02, tx, r10, r11, r12, ty, r20, r21, r22, tz = viewmat
-    padded = np.uint64(len(means) // 3)
+    padded, nearest = np.uint64(len(means) // 3), np.uint64(nearest_key)
     for j in range(BLOCK):
         i = np.uint64(start + j)  # unsigned: no branch for a negative index, which would end vectorisation
         k = np.uint64(j)
         mx, my, mz = means[i], means[padded + i], means[np.uint64(2) * padded + i]
-        z = np.float32(r20 * mx + r21 * my + r22 * mz + tz)
+        depth = np.float64(r20 * mx + r21 * my + r22 * mz + tz)
+        key = min((depth.view(np.uint64) >> np.uint64(KEY_SHIFT)) - nearest, np.uint64(0xFFFFFFFF))
+        scratch[np.uint64(KEY) * STRIDE + k] = np.uint32(key).view(np.float32)
+        z = np.float32(depth)
         inverse_z = np.float32(1.0) / z
         scratch[np.uint64(col.X) * STRIDE + k] = np.float32(r00 * mx + r01 * my + r02 * mz + tx) * inverse_z
         scratch[np.uint64(col.Y) * STRIDE + k] = np.float32(r10 * mx + r11 * my + r12 * mz + ty) * inverse_z
@@ -329,7 +333,7 @@ def _keep_visible(start, scratch, past_caches, records, depth_keys, tiles):
                 record += _seen(scratch, np.uint64(first + lane))
         for lane in range(8):
             k = np.uint64(first + lane)
-            depth_keys[kept] = _word(scratch, DEPTH, k)
+            depth_keys[kept] = _word(scratch, KEY, k)
             tiles[kept] = _word(scratch, FIRST_TILE, k) | _word(scratch, LAST_TILE, k) << np.uint64(32)
             kept += _seen(scratch, k)
     return np.int32(kept - np.uint64(start))

@@ -28,6 +28,9 @@ F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
+NOISE_BITS = 12
+"""Of a depth, a sum of four terms in float64."""
+
 BATCH = 128
 """Splats blended at once; only memory depends on it."""
 
@@ -177,7 +180,9 @@ def sh_basis(directions: F64) -> F64:
 def sort(depths: F64, options: RenderOptions) -> Index:
     """Return the indices of the splats between the planes, nearest first, equal depths in file order."""
     kept = np.flatnonzero((depths > options.near_plane) & (depths < options.far_plane))
-    return kept[np.argsort(depths[kept], kind="stable")]
+    # The last bits depend on the order that terms are added in: splats at one depth may differ in them.
+    bits = depths[kept].view(np.int64) >> NOISE_BITS
+    return kept[np.argsort(bits, kind="stable")]
 
 
 def composite(

@@ -1,8 +1,8 @@
 """Stage 2: visible splats by depth, nearest first; equal depths keep the order of the file.
 
-A radix sort of three passes, 9, 9 and 13 bits, of 8-byte pairs (depth, record): stable, and complete, as the bits
-of positive float32 numbers are in the order of the numbers. Of the high bits a frame uses few values: 32 for each
-time that depths double. Each worker counts and scatters a stretch of its own.
+A radix sort of three passes, 9, 9 and 14 bits, of 8-byte pairs (key, record): stable, and complete, as the bits
+of positive numbers are in the order of the numbers. Of the high bits a frame uses few values: 256 for each time
+that depths double. Each worker counts and scatters a stretch of its own.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from tsplat.raster.prepare import BLOCK
 BUCKETS = 1 << SORT_BITS
 
 RECORD = 32
-"""Bits of a pair below its depth."""
+"""Bits of a pair below its key."""
 
 
 @part
