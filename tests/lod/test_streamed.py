@@ -22,7 +22,7 @@ from tsplat.io.sog_levels import is_streamed_file, open_levels
 from tsplat.lod import Cut, Streamed, open_streamed, rasterize_all, rasterize_within, read_levels
 from tsplat.lod.streamed_reader import Reader
 from tsplat.raster import rasterize
-from tsplat.raster.prepare import BLOCK, BOUNDS
+from tsplat.raster.prepare import BLOCK, BOUNDS, empty
 from tsplat.raster.train_depths import TrainDepths
 from tsplat.rendering import RenderOptions
 from tsplat.scene import Gaussians
@@ -320,3 +320,8 @@ def test_a_real_streamed_scene_is_drawn_to_the_bit_as_its_finest_level() -> None
     within = rasterize_within(found, camera, OPTIONS, 96_000)
     assert 50_000 < within.visible < 100_000
     assert psnr(within.colors, whole.colors) > 35.0
+
+
+def test_more_splats_than_can_be_counted_are_too_many_for_memory() -> None:
+    with pytest.raises(MemoryError, match="splats"):
+        empty(1 << 31, 0)

@@ -137,8 +137,8 @@ class Reader:
 def _skeleton(levels: Levels, counts: I64, finest: npt.NDArray[np.bool_]) -> Hierarchy:
     """Return a tree with room for all splats, of which no node has children yet."""
     nodes = len(counts)
-    blocks = np.cumsum([0, *-(-counts // BLOCK)], dtype=np.int32)
-    scene = empty(int(blocks[-1]), levels.coefficients - 1)
+    ends = np.cumsum([0, *-(-counts // BLOCK)])
+    scene, blocks = empty(int(ends[-1]), levels.coefficients - 1), ends.astype(np.int32)
     return Hierarchy(
         scene=scene,
         finest=scene.blocks[np.repeat(finest, np.diff(blocks))],

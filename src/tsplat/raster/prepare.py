@@ -37,6 +37,9 @@ BOUNDS = 5
 """Numbers that say where the splats of a block are, see `Prepared`."""
 
 
+MOST_BLOCKS = (1 << 31) - 1
+"""What their numbers, of 32 bits, can count."""
+
 HALF_MAX = 65504.0
 """The largest half-precision number; no trained harmonic or colour comes near it."""
 
@@ -141,8 +144,16 @@ def _prepare(gaussians: Gaussians, threads: int) -> Prepared:
 
 
 def empty(blocks: int, coefficients: int) -> Prepared:
-    """Return room for so many blocks of splats with so many harmonics above the constant one."""
+    """Return room for so many blocks of splats with so many harmonics above the constant one.
+
+    Raises
+    ------
+    MemoryError
+        There is none, or blocks are more than 32 bits count.
+    """
     padded = blocks * BLOCK
+    if blocks > MOST_BLOCKS:
+        raise MemoryError(f"for {padded:,} splats")
     return Prepared(
         means=aligned(3 * padded, np.float32),
         covars=aligned(6 * padded, np.float32),
