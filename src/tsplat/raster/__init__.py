@@ -101,7 +101,7 @@ def _draw_window(
         parts = parts_for(len(blocks), options, scene.buffers)
         if parts > 1 and window.end_tile - window.first_tile > 1:
             return parts
-    wanted = 2 * BLOCK * len(blocks)
+    wanted = most_pairs(2 * BLOCK * len(blocks), len(blocks), options, scene.buffers)
     while True:
         frame = new_frame(scene, blocks, camera, options, wanted, image=image, window=window)
         start = time.monotonic_ns()
