@@ -62,7 +62,8 @@ def start() -> None:
 
 def command() -> list[str]:
     """Return what Python is given: it finds what this process finds, but nothing in the current folder."""
-    return ["-I", "-c", CODE, *safe_path()]
+    as_here = ["-B"] if sys.dont_write_bytecode else []  # -I looks at no variable of Python's
+    return ["-I", *as_here, "-c", CODE, *safe_path()]
 
 
 def _end(process: subprocess.Popen[bytes], starter: int) -> None:
