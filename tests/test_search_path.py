@@ -102,8 +102,8 @@ def test_the_process_that_compiles_on_the_first_run_imports_nothing_from_there(t
     code = warmup_process.CODE.replace(
         "compile_others()", "import tsplat._compiler, tsplat.encode, PIL, rich_click"
     )
-    _, dash, _, *path = warmup_process.command()
-    done = tsplat("-I", dash, code, *path, PYTHONPATH=".")
+    command = [code if word == warmup_process.CODE else word for word in warmup_process.command()]
+    done = tsplat(*command, PYTHONPATH=".")
     assert done.returncode == 0, done.stderr
     assert not trap.exists()
 

@@ -198,7 +198,7 @@ while not pathlib.Path({str(told)!r}).exists() and time.monotonic() < end:
     assert not told.exists()
     run([sys.executable, "-c", code.format(processors=2, seconds=DEADLINE)])
     process, *command = told.read_text().split()
-    assert command[:2] == ["-I", "-c"]
+    assert command[:2] == (["-I", "-B"] if sys.dont_write_bytecode else ["-I", "-c"])
     end = time.monotonic() + DEADLINE
     while is_running(int(process)) and time.monotonic() < end:
         time.sleep(0.01)
