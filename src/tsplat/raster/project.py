@@ -107,13 +107,14 @@ def _project_means(start, viewmat, nearest_key, means, scratch):
     place, and order those of one wall anew in each frame.
     """
     r00, r01, r02, tx, r10, r11, r12, ty, r20, r21, r22, tz = viewmat
-    padded, nearest = np.uint64(len(means) // 3), np.uint64(nearest_key)
+    padded = np.uint64(len(means) // 3)
     for j in range(BLOCK):
         i = np.uint64(start + j)  # unsigned: no branch for a negative index, which would end vectorisation
         k = np.uint64(j)
         mx, my, mz = means[i], means[padded + i], means[np.uint64(2) * padded + i]
         depth = np.float64(r20 * mx + r21 * my + r22 * mz + tz)
-        key = min((depth.view(np.uint64) >> np.uint64(KEY_SHIFT)) - nearest, np.uint64(0xFFFFFFFF))
+        key = np.int64(depth.view(np.uint64) >> np.uint64(KEY_SHIFT)) - nearest_key
+        key = min(max(key, np.int64(0)), np.int64(0xFFFFFFFF))
         scratch[np.uint64(KEY) * STRIDE + k] = np.uint32(key).view(np.float32)
         z = np.float32(depth)
         inverse_z = np.float32(1.0) / z
