@@ -43,7 +43,8 @@ READING = ("max-splats", "raw-opacity", "raw-scales", "spz-frame", "lod", "forma
 def shared(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Return a decorator that adds the options of these names, in this order, to a command."""
     known = {
-        "up": click.option("--up", type=UP, help="What is up: x, y, z, -x, -y, -z or three numbers. [guessed]"),
+        "up": click.option("--up", type=UP, help="What is up: x, y, z, -x, -y, -z or three numbers. "
+                           "[what the file says, else guessed]"),
         "antialias": click.option("--antialias", type=click.Choice(ANTIALIAS), help=ANTIALIAS_HELP),
         "sh-degree": click.option("--sh-degree", type=Whole(0, 4), default=4, show_default=True,
                                   help="Highest degree of spherical harmonics."),
