@@ -104,29 +104,31 @@ def test_many_pairs_and_a_small_allowance_stay_within_memory() -> None:
     assert (image.alphas > 0.9).all()
 
 
+@pytest.mark.parametrize("name", memory.VERSIONS)
+@pytest.mark.skipif(not Path("/proc/self/cgroup").exists(), reason="there are no control groups")
 def test_free_memory_is_the_least_of_what_the_machine_and_the_groups_leave(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, name: str
 ) -> None:
-    def group(folder: Path, most: str, used: int) -> None:
+    version = memory.VERSIONS[name]
+
+    def group(inside: str, most: str, used: int) -> None:
+        folder = tmp_path / version.folder / inside
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / "memory.max").write_text(most + "\n")
-        (folder / "memory.current").write_text(f"{used}\n")
-        (folder / "memory.stat").write_text("anon 5\ninactive_file 30\nactive_file 20\n")
+        (folder / version.most).write_text(most + "\n")
+        (folder / version.used).write_text(f"{used}\n")
+        stat = "".join(f"{each} 25\n" for each in version.reclaimable)
+        (folder / "memory.stat").write_text(f"anon 5\n{stat}")
 
     monkeypatch.setattr(memory, "CONTROL_GROUPS", tmp_path)
-    inside = (
-        next(
-            (line[3:] for line in Path("/proc/self/cgroup").read_text().splitlines() if line.startswith("0::")),
-            None,
-        )
-        if Path("/proc/self/cgroup").exists()
-        else None
-    )
+    here = Path("/proc/self/cgroup").read_text()
+    inside = [line.split(":", 2)[2].lstrip("/") for line in here.splitlines() if line.split(":")[1] == name]
+    if not inside:
+        pytest.skip("this version is not in use here")
     before = memory.free_memory()
     assert 0 < before < memory.UNLIMITED
-    if inside is not None:
-        own = tmp_path / inside.lstrip("/")
-        group(own, "max", 100)
-        assert abs(memory.free_memory() - before) < before // 2
-        group(own, "1000", 400)
-        assert memory.free_memory() == 650
+    group(inside[0], "max", 100)
+    assert memory.free_memory() > before // 2
+    group("", "1000", 400)
+    assert memory.free_memory() == 650
+    group(inside[0], "600", 400)
+    assert memory.free_memory() == 250

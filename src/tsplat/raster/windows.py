@@ -21,7 +21,7 @@ from tsplat.rendering import RenderOptions
 
 I32 = npt.NDArray[np.int32]
 
-SMALL = 256 << 20
+SMALL = 64 << 20
 """Bytes of work that no frame is denied, so that nobody has to ask what is free."""
 
 FREE_SHARE = 0.5
