@@ -8,6 +8,7 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -186,6 +187,15 @@ def test_an_spz_with_the_axes_of_a_ply_can_be_turned_over(scene: Path, tmp_path:
     assert not np.array_equal(
         rendered(packed, tmp_path, *view, "--spz-frame", "rdf"), rendered(packed, tmp_path, *view)
     )
+
+
+@pytest.mark.parametrize("pack", [bytes, gzip.compress])
+def test_what_is_only_called_an_spz_is_rendered_all_the_same(
+    scene: Path, tmp_path: Path, pack: Callable[[bytes], bytes]
+) -> None:
+    named = tmp_path / "scene.spz"
+    named.write_bytes(pack(scene.read_bytes()))
+    np.testing.assert_array_equal(rendered(named, tmp_path), rendered(scene, tmp_path))
 
 
 def test_a_level_of_detail_is_for_streamed_scenes(capsys: pytest.CaptureFixture[str], scene: Path) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +12,7 @@ import rich_click as click
 from click.core import ParameterSource
 
 from tsplat.arguments import BACKGROUND, LEVEL, UP, Gigabytes, Number, Whole, scene_source
-from tsplat.errors import LoadWarning
+from tsplat.errors import LoadError, LoadWarning
 from tsplat.first_view import framed_by
 from tsplat.framing import bulk
 from tsplat.progress import loading
@@ -144,7 +144,9 @@ def is_spz(scene: str, how: dict[str, Any]) -> bool:
     if not file_name(scene).lower().endswith(".spz") or how["spz_frame"] is not None:
         return False
     source = scene_source(scene)
-    return is_elsewhere(source) or find_frame(Path(source), LoadOptions()).source == "format"
+    with suppress(LoadError):  # it is only called so: packed, or of another format
+        return is_elsewhere(source) or find_frame(Path(source), LoadOptions()).source == "format"
+    return False
 
 
 def was_said(option: str, context: click.Context) -> bool:
