@@ -34,6 +34,11 @@ def random_gaussians(rng: np.random.Generator, n: int, sh_degree: int = 3) -> Ga
     )
 
 
+def field_files() -> Path:
+    """Return the folder of files that people had and that failed, beside the real scenes; it may not be there."""
+    return (shared_scenes() or Path("none", "scenes")).parent / "field"
+
+
 def shared_scenes() -> Path | None:
     """Return the folder of real scenes: TSPLAT_SCENES, or ``../shared/scenes`` beside the checkout."""
     beside = Path(__file__).resolve().parents[1].parent / "shared" / "scenes"

@@ -11,13 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.scenes import shared_scenes
+from tests.scenes import field_files
 from tsplat import io
 from tsplat.errors import LoadError
 
-SCENES = shared_scenes()
-FIELD = SCENES.parent / "field" if SCENES else None
-pytestmark = pytest.mark.skipif(not (FIELD and FIELD.is_dir()), reason="no files from the field beside the scenes")
+FIELD = field_files()
+pytestmark = pytest.mark.skipif(not FIELD.is_dir(), reason="no files from the field beside the scenes")
 
 OPENED = {
     "c11_model": "ref_house.ply",
@@ -45,7 +44,6 @@ NAMED = {
 
 
 def place(name: str) -> Path:
-    assert FIELD is not None
     return FIELD / name
 
 

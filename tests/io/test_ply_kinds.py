@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tests.io.plys import FORMATS, Table, in_halves, ply_bytes, splat_names, splats
-from tests.scenes import shared_scenes
+from tests.scenes import field_files
 from tsplat.errors import CorruptFileError, LoadError, LoadWarning
 from tsplat.io import load, save
 from tsplat.scene import SH_C0, Gaussians
@@ -296,8 +296,7 @@ def test_what_is_read_in_its_own_way_is_written_in_the_usual_one(tmp_path: Path)
     assert again.antialiased
 
 
-SHARED = shared_scenes()
-FIELD = SHARED.parent / "field" if SHARED else Path("none")
+FIELD = field_files()
 
 HOUSES = {
     "c01_rgb_mode.ply": ("", 0.01),

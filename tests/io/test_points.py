@@ -12,7 +12,7 @@ import pytest
 
 from tests.io.colmaps import Point, colmap_binary, colmap_text
 from tests.io.plys import FORMATS, Table, ply_bytes
-from tests.scenes import shared_scenes
+from tests.scenes import field_files
 from tsplat.errors import CorruptFileError, LoadWarning
 from tsplat.io import load
 from tsplat.io.points import SIGMA, SPREAD, point_sizes
@@ -185,8 +185,7 @@ def test_a_line_that_is_longer_than_what_is_read_at_once_is_one_point(
     assert loaded(tmp_path, "points3D.txt", b"\n".join(lines)).means[:, 0].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
 
 
-SHARED = shared_scenes()
-FIELD = SHARED.parent / "field" if SHARED else Path("none")
+FIELD = field_files()
 
 
 @pytest.mark.skipif(not FIELD.is_dir(), reason="no folder of odd files: have ../shared/field")

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from tsplat.framing.sample import Sample, quantile, sample
-from tsplat.framing.trim import trimmed
+from tsplat.framing.sample import Sample, quantile
+from tsplat.framing.trim import trimmed_sample
 from tsplat.scene import Gaussians
 
 F64 = npt.NDArray[np.float64]
@@ -53,7 +53,7 @@ def bulk(gaussians: Gaussians) -> Bulk:
     Bulk
         The same for the same scene.
     """
-    return bounds(trimmed(sample(gaussians)))
+    return bounds(trimmed_sample(gaussians))
 
 
 def bounds(inner: Sample) -> Bulk:

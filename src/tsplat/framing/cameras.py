@@ -7,8 +7,8 @@ import numpy.typing as npt
 
 from tsplat.camera import Pose, Vector
 from tsplat.framing.bulk import bounds
-from tsplat.framing.sample import Sample, quantile, sample
-from tsplat.framing.trim import trimmed
+from tsplat.framing.sample import Sample, quantile
+from tsplat.framing.trim import trimmed_sample
 from tsplat.scene import Gaussians
 from tsplat.train_views import TrainViews
 
@@ -57,7 +57,7 @@ def poses_inside(gaussians: Gaussians, views: TrainViews, up: Vector) -> list[Po
 
     None where most of the cameras stood around the scene, not in it.
     """
-    frusta, inner = _sound(views), trimmed(sample(gaussians))
+    frusta, inner = _sound(views), trimmed_sample(gaussians)
     box, eyes = bounds(inner), _eyes(frusta)
     inside = np.flatnonzero(((eyes > box.low) & (eyes < box.high)).all(axis=1))
     if not len(inside) > INDOORS * len(frusta):

@@ -11,8 +11,8 @@ import numpy.typing as npt
 from tsplat.camera import Pose, Vector, intrinsics
 from tsplat.errors import CameraError
 from tsplat.framing.bulk import bounds
-from tsplat.framing.sample import Sample, quantile, sample
-from tsplat.framing.trim import trimmed
+from tsplat.framing.sample import Sample, quantile
+from tsplat.framing.trim import trimmed_sample
 from tsplat.framing.up import guess_up_of
 from tsplat.scene import Gaussians
 
@@ -60,7 +60,7 @@ def start_pose(
     if not 0.0 < aspect < math.inf:
         raise CameraError(f"aspect must be positive and finite, got {aspect}")
     half_y = 0.5 / float(intrinsics(1, 1, fov_y)[1, 1])
-    inner = trimmed(sample(gaussians))
+    inner = trimmed_sample(gaussians)
     box = bounds(inner)
     if up is None:
         up = guess_up_of(gaussians, inner, box).direction

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from weakref import WeakKeyDictionary
+
 import numpy as np
 import numpy.typing as npt
 
-from tsplat.framing.sample import Mask, Sample, quantile
+from tsplat.framing.sample import Mask, Sample, quantile, sample
+from tsplat.scene import Gaussians
 
 F64 = npt.NDArray[np.float64]
 
@@ -28,6 +31,17 @@ PARTS, CONE = 3, 0.93
 THIN = 0.95
 """Seen from the middle, such parts lie within three cones of 22 degrees to either side, all but a twentieth of
 them: what goes on in all directions, as a ground does, is no part."""
+
+
+_trimmed: WeakKeyDictionary[Gaussians, Sample] = WeakKeyDictionary()
+
+
+def trimmed_sample(gaussians: Gaussians) -> Sample:
+    """Return the trimmed sample of a scene; it is made once and goes with the scene."""
+    found = _trimmed.get(gaussians)
+    if found is None:
+        found = _trimmed[gaussians] = trimmed(sample(gaussians))
+    return found
 
 
 def trimmed(sample: Sample) -> Sample:

@@ -9,9 +9,9 @@ from tsplat.camera import Vector
 from tsplat.framing.bulk import Bulk, bounds
 from tsplat.framing.cameras import up_of_cameras
 from tsplat.framing.ground import Levels, ground, room
-from tsplat.framing.sample import Sample, sample
+from tsplat.framing.sample import Sample
 from tsplat.framing.surface import surface
-from tsplat.framing.trim import trimmed
+from tsplat.framing.trim import trimmed_sample
 from tsplat.framing.upside_down import TURNED, upside_down
 from tsplat.scene import Gaussians
 from tsplat.train_views import TrainViews
@@ -86,7 +86,7 @@ def guess_up(gaussians: Gaussians, views: TrainViews | None = None, *, spz: bool
     cameras, as most people hold them level. A ground is level surface gathered at one height, below what is solid,
     and everywhere under it. docs/first-view.md has the rules, and how often they were right.
     """
-    inner = trimmed(sample(gaussians))
+    inner = trimmed_sample(gaussians)
     return guess_up_of(gaussians, inner, bounds(inner), views, spz=spz)
 
 

@@ -25,12 +25,12 @@ def info(scene: str, as_json: bool, **options: Any) -> None:
     from tsplat.io import training_beside
     from tsplat.io.sources import called, settled
 
-    name, how = called(scene), reading(options)
-    folder = scene_source(scene)
-    if folder == scene and settled(folder)[0] != folder:  # it is a folder: the file that was found is the news
-        name = called(settled(folder)[0])
+    name, how, source = called(scene), reading(options), scene_source(scene)
+    found_in, _ = settled(source)
+    if found_in != source:  # it is a folder: the file that was found is the news
+        name = called(found_in)
     with _load_warnings() as warned, loaded_scene(scene, how) as (gaussians, path):
-        views = training_beside(scene_source(scene), gaussians.origin).views
+        views = training_beside(found_in, gaussians.origin).views
         problems = [text.removeprefix(f"{name}: ") for text in warned]
         shaping = ("raw_opacity", "raw_scales", "max_splats", "spz_frame", "format")
         chosen = {each: how[each] for each in shaping}
