@@ -164,7 +164,7 @@ def loaded_scene(
 
     with (
         loading(file_name(scene), warm_up) as bar,
-        local_file(scene_source(scene), how["lod"], bar, bar.fetched) as (path, progress),
+        local_file(scene_source(scene), how["lod"], bar, bar.fetched, how.get("format")) as (path, progress),
     ):
         yield load(path, **how, progress=progress), path
 

@@ -18,11 +18,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.io.ksplats import gaussforge
 from tests.io.plys import one_splat, ply_bytes, splats
 from tests.io.sogs import made_up
 from tests.io.spzs import Splat, bare, zipped
 from tests.scenes import random_gaussians
-from tsplat import io
+from tsplat import cli, io
 from tsplat.errors import CorruptFileError, LoadError, LoadWarning
 from tsplat.io import sources, unpack
 from tsplat.io.sources import file_name
@@ -344,3 +345,12 @@ def test_an_spz_that_was_packed_once_more_is_an_spz(tmp_path: Path) -> None:
     path = tmp_path / "scene.gz"
     path.write_bytes(gzip.compress(zipped(bare([Splat((1, 2, 3), quat=(3, 0, 0, 0))], 3, 0))))
     assert len(io.load(path)) == 1
+
+
+def test_a_format_that_is_asked_for_on_the_command_line_is_brought_to_its_end(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sources, "PIECE_BYTES", 1024)  # of more, what is no scene by its first bytes is given up
+    with piped(gaussforge(random_gaussians(np.random.default_rng(1), 40, 0))):
+        assert cli.main(["info", "-", "--format", "ksplat", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["splats"] == 40
